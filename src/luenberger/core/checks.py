@@ -1,0 +1,77 @@
+"""Argument checks that speak the house's error language: given, needed, what to do."""
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from luenberger.core.errors import BadInput
+
+
+def finite_array(name: str, value: object) -> np.ndarray:
+    """Return `value` as a float64 array, refusing anything that is not finite numbers.
+
+    Args:
+        name: how the argument is called in the message.
+        value: numbers in any nesting that NumPy reads.
+
+    Raises:
+        BadInput: not numeric, or NaN/Inf inside (the first bad entry is named).
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as cause:
+        raise BadInput(f"`{name}` cannot be read as an array of numbers ({cause}); give nested lists of floats.") from None
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        where = tuple(int(i) for i in bad[0])
+        raise BadInput(
+            f"`{name}` holds {array[where]} at index {where}; every entry of `{name}` needs to be a finite number."
+        )
+    return array
+
+
+def matrix(name: str, value: object, rows: int | None = None, columns: int | None = None, because: str = "") -> np.ndarray:
+    """Return `value` as a finite 2-D float64 array of the wanted shape; None leaves a side free.
+
+    Args:
+        name: how the argument is called in the message.
+        value: nested numbers.
+        rows: wanted number of rows.
+        columns: wanted number of columns.
+        because: half sentence that says where the wanted shape comes from, e.g. "the system has 4 states".
+
+    Raises:
+        BadInput: wrong number of axes or wrong shape.
+    """
+    array = finite_array(name, value)
+    if array.ndim == 0:
+        array = array.reshape(1, 1)
+    wanted = f"({'any' if rows is None else rows}, {'any' if columns is None else columns})"
+    if array.ndim != 2 or (rows is not None and array.shape[0] != rows) or (columns is not None and array.shape[1] != columns):
+        reason = f" but {because}" if because else ""
+        raise BadInput(f"`{name}` has shape {array.shape}{reason}; `{name}` needs shape {wanted}.")
+    return array
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return a hint ` Did you mean `x`?` for the known word closest to `word`, or the list of known words."""
+    words = sorted(known)
+    match = difflib.get_close_matches(word, words, n=1, cutoff=0.5)
+    return f" Did you mean `{match[0]}`?" if match else f" Known: {', '.join(f'`{w}`' for w in words)}."
+
+
+def known_keys(where: str, given: Iterable[str], known: Sequence[str]) -> None:
+    """Refuse any key that is not in `known`, naming the nearest known key.
+
+    Args:
+        where: what the keys belong to, for the message.
+        given: the keys found.
+        known: the keys understood.
+
+    Raises:
+        BadInput: an unknown key.
+    """
+    for key in given:
+        if key not in known:
+            raise BadInput(f"{where} has the unknown key `{key}`.{nearest(key, known)}")
