@@ -1,0 +1,25 @@
+"""Inequalities as data, relaxations over a box, solving, and reasons when nothing is found."""
+
+from luenberger.lmi.problem import SOLVERS, Block, Problem, Solution, solve
+from luenberger.lmi.recipe import centre, charged_block, infeasible, nearest_level
+from luenberger.lmi.relaxation import Bernstein, Grid, Relaxation, Vertices
+from luenberger.lmi.storage import decay_storage, l2_storage, rounded_storage
+
+__all__ = [
+    "SOLVERS",
+    "Bernstein",
+    "Block",
+    "Grid",
+    "Problem",
+    "Relaxation",
+    "Solution",
+    "Vertices",
+    "centre",
+    "charged_block",
+    "decay_storage",
+    "infeasible",
+    "l2_storage",
+    "nearest_level",
+    "rounded_storage",
+    "solve",
+]

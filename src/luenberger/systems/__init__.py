@@ -1,0 +1,8 @@
+"""Plants: matrices over a scheduling domain, nonlinearity, and the bounds we trust."""
+
+from luenberger.systems.matrix import MatrixFunction
+from luenberger.systems.nonlinearity import Nonlinearity
+from luenberger.systems.parameter import Parameter
+from luenberger.systems.system import System
+
+__all__ = ["MatrixFunction", "Nonlinearity", "Parameter", "System"]

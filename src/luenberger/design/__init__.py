@@ -1,0 +1,5 @@
+"""Designs: gain + certificate, as text."""
+
+from luenberger.design.design import Design
+
+__all__ = ["Design"]

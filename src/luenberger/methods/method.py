@@ -1,0 +1,132 @@
+"""The contract of a published design method."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import cvxpy as cp
+import numpy as np
+
+from luenberger.algebra import Polynomial, symmetric
+from luenberger.certify import Claim
+from luenberger.core import NotAccepted
+from luenberger.lmi import Block, Solution
+from luenberger.systems import System
+from luenberger.systems.matrix import MatrixFunction
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What a method hands to `synthesize`: a gain that nobody has checked yet.
+
+    Args:
+        gain: L(r) with full digits; it is rounded before anything is claimed.
+        claims: takes the rounded gain, returns the claims with witnesses; they are proved or the design is refused.
+        statistics: solver, times [s], optimum; plain JSON values.
+    """
+
+    gain: Polynomial
+    claims: Callable[[Polynomial], Sequence[Claim]]
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Method(Protocol):
+    """One published design with its options (the dataclass fields)."""
+
+    references: ClassVar[tuple[str, ...]]
+
+    def accept(self, system: System) -> None:
+        """Refuse plants the theorem does not cover, before any solver runs.
+
+        Args:
+            system: the plant.
+
+        Raises:
+            NotAccepted: an assumption of the theorem fails; the message names it.
+            BadInput: options that no plant could satisfy.
+        """
+        ...
+
+    def design(self, system: System) -> Candidate:
+        """Find a gain.
+
+        Args:
+            system: an accepted plant.
+
+        Raises:
+            Infeasible: nothing was found; says which inequality stands in the way and the nearest level.
+        """
+        ...
+
+
+def require_polynomial(system: System) -> None:
+    """Refuse plants with function matrices or unmeasured parameters in the error equation.
+
+    Raises:
+        NotAccepted: see above.
+    """
+    for letter in "ACF":
+        value = getattr(system, letter)
+        if isinstance(value, MatrixFunction):
+            raise NotAccepted(f"`{letter}` of `{system.name}` is a function on the domain; this method needs polynomial matrices.")
+        if hidden := set(value.names) & set(system.uncertainty):
+            raise NotAccepted(f"`{letter}` of `{system.name}` depends on the unmeasured {sorted(hidden)}; freeze them or use a robust method.")
+
+
+def require_continuous(system: System) -> None:
+    """Refuse discrete plants.
+
+    Raises:
+        NotAccepted: the plant has a sample time.
+    """
+    if system.dt is not None:
+        raise NotAccepted(f"`{system.name}` is discrete (dt = {system.dt:g} s); this theorem is about continuous time.")
+
+
+def scheduled_variable(rows: int, columns: int, like: Sequence[Polynomial], names: Sequence[str], name: str) -> tuple[Polynomial, dict[str, cp.Variable]]:
+    """Return a decision matrix with one coefficient for every monomial of the measured parameters that the plant shows.
+
+    Args:
+        rows: number of rows.
+        columns: number of columns.
+        like: polynomials whose monomials are copied, the constant always included.
+        names: measured parameters; monomials with others are left out.
+        name: stem of the variable names.
+    """
+    wide = [p.over(tuple(dict.fromkeys((*names, *p.names)))) for p in like]
+    keys = {(0,) * len(names)}
+    keys |= {e[: len(names)] for p in wide for e, c in p if not any(e[len(names) :]) and abs(c).max(initial=0.0) > 0}
+    variables = {f"{name}{''.join(map(str, e))}": cp.Variable((rows, columns)) for e in sorted(keys)}
+    return Polynomial(tuple(names), dict(zip(sorted(keys), variables.values(), strict=True))), variables
+
+
+def gain_blocks(P: Any, Y: Polynomial, squared: Any, box: Mapping[str, tuple[float, float]]) -> list[Block]:
+    """Return the blocks P >= I and [[P, Y], [Y', t I]] >= 0, which bound |P^-1 Y|^2 by t.
+
+    Args:
+        P: storage variable, (nx, nx).
+        Y: P L, (nx, ny).
+        squared: t.
+        box: scheduling box.
+    """
+    nx, ny = Y.shape
+    wide = symmetric([[Polynomial.constant(P), Y], [Polynomial.constant(squared * np.eye(ny))]])
+    return [Block("storage", Polynomial.constant(np.eye(nx) - P)), Block("gain", -wide, box)]
+
+
+def gain_level(found: Solution) -> float:
+    """Return the norm bound that the blocks of `gain_blocks` leave after rounding of the gain."""
+    return float(np.sqrt(found.values["squared"])) * (1 + 1e-5)
+
+
+def statistics(found: Solution) -> dict[str, Any]:
+    """Return what a design file records of a solver run: who, how long, how well, and the optimum before back-off."""
+    return {
+        "solver": found.solver,
+        "solver_seconds": found.solver_seconds,
+        "lmi_seconds": found.seconds,
+        "residual": found.residual,
+        "margin": found.margin,
+        "optimum": found.optimum,
+    }

@@ -1,0 +1,81 @@
+"""From a plant and a method to a design whose claims are proved, or to a refusal that says why."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from luenberger.algebra import Polynomial
+from luenberger.certify import Certificate, Claim, certify_claims
+from luenberger.core import NotCertified, Outcome
+from luenberger.design import Design
+from luenberger.lmi import decay_storage
+from luenberger.methods.method import Method
+from luenberger.systems import System
+
+
+def synthesize(system: System, method: Method, *, digits: int = 7, require: bool = True) -> Design:
+    """Find an observer gain by a published method and prove what is claimed about it.
+
+    The gain is rounded first, so the claims are about the digits that ship; then every claim is recomputed from plant,
+    rounded gain and witnesses in exact arithmetic. A design whose claims do not recompute is refused.
+
+    Args:
+        system: plant with its trusted bounds.
+        method: the method with its options, e.g. `PolytopicLuenberger(decay_rate=3.0)`.
+        digits: significant decimal digits of the gain coefficients.
+        require: False returns an uncertified design with its certificate instead of raising.
+
+    Returns:
+        the design; `design.observer(dt)` runs, `design.certificate` holds the proofs.
+
+    Raises:
+        NotAccepted: the plant lies outside the theorem.
+        BadInput: options that no gain can satisfy (an unobservable mode slower than the decay, say).
+        Infeasible: nothing was found.
+        NotCertified: a gain was found but a claim could not be proved.
+    """
+    start = time.perf_counter()
+    method.accept(system)
+    candidate = method.design(system)
+    gain = candidate.gain.map(lambda c: _rounded(c, digits))
+    certificate = _certified(system, gain, candidate.claims(gain))
+    if require and certificate.outcome is not Outcome.PROVED:
+        worst = next(p for p in certificate.proofs if p.outcome is not Outcome.PROVED)
+        raise NotCertified(
+            f"`{type(method).__name__}` found a gain, but its claim `{worst.claim.kind}` is {worst.outcome.value}: {worst.reason} "
+            "Ask for a lower level, or pass `require=False` to look at the design."
+        )
+    total = time.perf_counter() - start
+    statistics = {**candidate.statistics, "certificate_seconds": certificate.seconds, "seconds": total}
+    return Design(system, gain, certificate, type(method).__name__, _options(method), method.references, statistics)
+
+
+def _certified(system: System, gain: Polynomial, claims: Sequence[Claim]) -> Certificate:
+    """Prove the claims; where a decay witness broke under rounding, look once for a better witness of the same claim."""
+    certificate = certify_claims(system, gain, claims)
+    if certificate.outcome is Outcome.PROVED:
+        return certificate
+    mended: list[Claim] = []
+    for proof in certificate.proofs:
+        found = None
+        if proof.claim.kind == "decay" and proof.outcome is not Outcome.PROVED:
+            found = decay_storage(system, gain, proof.claim.level)
+        mended.append(proof.claim if found is None else replace(proof.claim, storage=found[0], multiplier=found[1]))
+    return certify_claims(system, gain, mended)
+
+
+def _rounded(coefficient: np.ndarray, digits: int) -> np.ndarray:
+    return np.array([float(f"{x:.{digits}g}") for x in coefficient.flat]).reshape(coefficient.shape)
+
+
+def _options(method: Method) -> dict[str, Any]:
+    if not is_dataclass(method):
+        return {}
+    return {k: v if isinstance(v, int | float | str | bool | None) else _plain(v) for k, v in asdict(method).items()}
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, dict | list) else str(value)

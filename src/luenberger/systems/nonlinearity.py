@@ -1,0 +1,110 @@
+"""The nonlinear part f(H x, u) of a plant with the bounds we trust on it."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from luenberger.algebra.enclosure import enclose_jacobian
+from luenberger.core import BadInput
+from luenberger.core.checks import finite_array, matrix
+
+
+class Nonlinearity(eqx.Module):
+    """A JAX function f: (z, u) -> (nf,) with z = H x, and a bound on its Jacobian with respect to z.
+
+    Exactly what a method may use is the bound; f itself is what simulation and observers run.
+
+    Args:
+        function: JAX function of z, shape (nz,), and u, shape (nu,).
+        H: selection of the states that enter, shape (nz, nx).
+        size: nf, the number of outputs of `function`.
+        jacobian_lower: entrywise lower bound on df/dz, shape (nf, nz), or None.
+        jacobian_upper: entrywise upper bound on df/dz, shape (nf, nz), or None.
+        lipschitz: constant g with |f(z1) - f(z2)| <= g |z1 - z2| (Euclidean norms), or None.
+        domain: states for which the bounds hold, (lower, upper) each (nx,), or None for all states.
+        bound_status: "declared" by the user or "proved" by ball arithmetic from `function`.
+
+    Raises:
+        BadInput: no bound at all, shapes that differ, inverted or non-finite bounds.
+    """
+
+    function: Callable[..., jax.Array] = eqx.field(static=True)
+    H: np.ndarray
+    size: int = eqx.field(static=True)
+    jacobian_lower: np.ndarray | None = None
+    jacobian_upper: np.ndarray | None = None
+    lipschitz: float | None = None
+    domain: tuple[np.ndarray, np.ndarray] | None = None
+    bound_status: Literal["declared", "proved"] = eqx.field(static=True, default="declared")
+
+    @staticmethod
+    def bounded(
+        function: Callable[..., jax.Array],
+        H: Any,
+        *,
+        size: int = 1,
+        jacobian: tuple[Any, Any] | None = None,
+        lipschitz: float | None = None,
+        domain: tuple[Any, Any] | None = None,
+    ) -> "Nonlinearity":
+        """Build a nonlinearity from bounds the user vouches for; see the class for the arguments."""
+        H = matrix("H", H)
+        if jacobian is None and lipschitz is None:
+            raise BadInput(
+                "The nonlinearity has no bound: neither `jacobian` nor `lipschitz` is given. Give one, or let "
+                "`Nonlinearity.enclosed(function, H, domain)` prove a Jacobian box over a state box."
+            )
+        lower = upper = None
+        if jacobian is not None:
+            because = f"the nonlinearity has {size} outputs of {H.shape[0]} arguments"
+            lower = matrix("jacobian lower bound", jacobian[0], size, H.shape[0], because)
+            upper = matrix("jacobian upper bound", jacobian[1], size, H.shape[0], because)
+            if (lower > upper).any():
+                i, j = np.argwhere(lower > upper)[0]
+                raise BadInput(
+                    f"The Jacobian bound of entry ({i}, {j}) is [{lower[i, j]}, {upper[i, j]}]; lower <= upper is needed."
+                )
+        if lipschitz is not None and not (np.isfinite(lipschitz) and lipschitz >= 0):
+            raise BadInput(f"`lipschitz` is {lipschitz}; a finite constant >= 0 is needed.")
+        box = None if domain is None else (finite_array("domain lower", domain[0]), finite_array("domain upper", domain[1]))
+        return Nonlinearity(function, H, size, lower, upper, lipschitz, box)
+
+    @staticmethod
+    def enclosed(
+        function: Callable[..., jax.Array], H: Any, domain: tuple[Any, Any], *, tolerance: float = 1e-3
+    ) -> "Nonlinearity":
+        """Prove a Jacobian box of `function` over a state box by ball arithmetic and subdivision.
+
+        Args:
+            function: JAX function of z = H x alone or of (z, u); u is taken as absent (zero length).
+            H: selection of the states that enter, shape (nz, nx); each row picks one state.
+            domain: state box (lower, upper), each (nx,).
+            tolerance: wanted relative overestimation of the box.
+
+        Raises:
+            BadInput: H does not pick single states, the box is inverted, or the function cannot be read.
+        """
+        H = matrix("H", H)
+        lower, upper = finite_array("domain lower", domain[0]), finite_array("domain upper", domain[1])
+        if not ((H == 0) | (H == 1)).all() or (H.sum(axis=1) != 1).any():
+            raise BadInput("`H` needs one 1 in each row, zeros elsewhere, so that the state box is a box of H x.")
+        found = enclose_jacobian(lambda z: jnp.atleast_1d(function(z, jnp.zeros(0))), H @ lower, H @ upper, tolerance=tolerance)
+        return Nonlinearity(
+            function, H, found.lower.shape[0], found.lower, found.upper, None, (lower, upper), "proved"
+        )
+
+    def __call__(self, x: Any, u: Any) -> jax.Array:
+        """Return f(H x, u), shape (nf,)."""
+        return jnp.atleast_1d(self.function(jnp.asarray(self.H) @ x, u))
+
+    @property
+    def lipschitz_bound(self) -> float:
+        """A constant g with |f(z1) - f(z2)| <= g |z1 - z2|: the declared one, or the norm of the Jacobian box."""
+        if self.lipschitz is not None:
+            return float(self.lipschitz)
+        assert self.jacobian_lower is not None and self.jacobian_upper is not None
+        return float(np.linalg.norm(np.maximum(abs(self.jacobian_lower), abs(self.jacobian_upper)), 2))
