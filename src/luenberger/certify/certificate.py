@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -98,6 +98,7 @@ class Certificate:
         return Certificate(tuple(proofs), tuple(data["assumptions"]))
 
 
+@runtime_checkable
 class Certifiable(Protocol):
     """Anything with a plant, a gain and a certificate: a `Design`."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from luenberger.core import BadInput, NotAccepted
 Box = Mapping[str, tuple[float, float]]
 
 
+@runtime_checkable
 class Relaxation(Protocol):
     """Turns `matrix(r) < 0 for all r in the box` into a list of constant matrix inequalities."""
 
