@@ -43,7 +43,7 @@ def test_infeasible_is_none_whatever_the_solvers_say() -> None:
 
 
 def test_residual_is_recomputed_from_the_values() -> None:
-    problem, P = lyapunov()
+    problem, _ = lyapunov()
     found = solve(problem)
     assert found is not None
     value = A.T @ found.values["P"] + found.values["P"] @ A + np.eye(2)

@@ -37,7 +37,9 @@ def test_random_quadratics_are_never_under_estimated(n: int) -> None:
         terms = {(k,): generator.normal(size=(n, n)) for k in range(3)}
         matrix = Polynomial(("x",), {e: c + c.T for e, c in terms.items()})
         truth = max(np.linalg.eigvalsh(matrix({"x": x}))[-1] for x in line)
-        bounds = [max(np.linalg.eigvalsh(m)[-1] for m in Bernstein(0, parts).matrices(matrix, BOX)) for parts in (1, 4, 16)]
+        bounds = [
+            max(np.linalg.eigvalsh(m)[-1] for m in Bernstein(0, parts).matrices(matrix, BOX)) for parts in (1, 4, 16)
+        ]
         assert bounds[-1] >= truth - 1e-12
         # Subdivision tightens: the hull of a piece lies inside the hull of the whole.
         assert bounds[0] >= bounds[1] - 1e-12 >= bounds[2] - 2e-12

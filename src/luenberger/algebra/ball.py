@@ -8,44 +8,17 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from flint import arb, ctx, fmpq, fmpz
+from flint import arb, fmpq, fmpz
 
+from luenberger.algebra.endpoint import OutsideDomain, at_working_precision, may_hold, number, wave
 from luenberger.core import BadInput
 
-PRECISION = 128
-
-P = ParamSpec("P")
-S = TypeVar("S")
 T = TypeVar("T")
 _NUMBERS = (int, float, fmpq, Fraction, np.integer, np.floating)
-_ONE = arb(1)
-
-
-class OutsideDomain(BadInput):
-    """An operation is not defined on the whole interval it was given (division by zero, root of a negative number)."""
-
-
-def at_working_precision(function: Callable[P, T]) -> Callable[P, T]:
-    """Run `function` at 128 bits and leave flint's global precision as it was found.
-
-    A wrong precision would cost tightness only: flint rounds outward at any precision.
-    """
-
-    @wraps(function)
-    def run(*args: P.args, **options: P.kwargs) -> T:
-        found = ctx.prec
-        if found == PRECISION:
-            return function(*args, **options)
-        ctx.prec = PRECISION
-        try:
-            return function(*args, **options)
-        finally:
-            ctx.prec = found
-
-    return run
+_ZERO = arb(0)
 
 
 def _binary(function: Callable[["Ball", "Ball"], T]) -> Callable[["Ball", Any], T]:
@@ -63,16 +36,20 @@ def _binary(function: Callable[["Ball", "Ball"], T]) -> Callable[["Ball", Any], 
     return run
 
 
-def _increasing(name: str, above: int | None = None, below: int | None = None, sense: int = 1) -> Callable[["Ball"], "Ball"]:
+def _increasing(
+    name: str, above: int | None = None, below: int | None = None, sense: int = 1
+) -> Callable[["Ball"], "Ball"]:
     """Return a monotone function of flint as a method; its values are known to lie in [above, below]."""
 
     @at_working_precision
     def run(self: "Ball") -> "Ball":
-        first, last = (self._lower, self._upper) if sense > 0 else (self._upper, self._lower)
+        first, last = (self.low, self.high) if sense > 0 else (self.high, self.low)
         lower, upper = getattr(first, name)().lower(), getattr(last, name)().upper()
         if not (lower.is_finite() and upper.is_finite()):
             raise OutsideDomain(f"`{name}` of {self} has no finite value; it needs an argument inside its domain.")
-        return Ball(lower if above is None else lower.max(arb(above)), upper if below is None else upper.min(arb(below)))
+        return Ball(
+            lower if above is None else max(lower, arb(above)), upper if below is None else min(upper, arb(below))
+        )
 
     run.__name__, run.__doc__ = name, f"Return the enclosure of {name}."
     return run
@@ -86,17 +63,18 @@ class Ball:
     ``b * b`` encloses products of two independent members; use `square` for the square of one.
 
     Args:
-        lower: exact flint number.
-        upper: exact flint number, not below `lower`.
+        low: lower endpoint, an exact flint number (an `arb` without radius).
+        high: upper endpoint, not below `low`; use `Ball.exact` and `Ball.hull` to build balls from numbers.
     """
 
-    __slots__ = ("_lower", "_upper")
+    __slots__ = ("high", "low")
 
-    def __init__(self, lower: arb, upper: arb):
-        self._lower = lower
-        self._upper = upper
+    def __init__(self, low: arb, high: arb):
+        self.low = low
+        self.high = high
 
     @staticmethod
+    @at_working_precision
     def exact(value: Any) -> "Ball":
         """Enclose one number: a point where 128 bits hold it, else the tightest interval around it.
 
@@ -106,7 +84,8 @@ class Ball:
         Raises:
             OutsideDomain: NaN or infinite.
         """
-        return Ball.hull(value, value)
+        point = number(value)
+        return Ball(point.lower(), point.upper())
 
     @staticmethod
     @at_working_precision
@@ -121,8 +100,8 @@ class Ball:
             OutsideDomain: NaN or infinite endpoint.
             BadInput: not a number, or lower > upper.
         """
-        low = lower._lower if isinstance(lower, Ball) else _number(lower).lower()
-        high = upper._upper if isinstance(upper, Ball) else _number(upper).upper()
+        low = lower.low if isinstance(lower, Ball) else number(lower).lower()
+        high = upper.high if isinstance(upper, Ball) else number(upper).upper()
         if low > high:
             raise BadInput(f"The interval [{lower}, {upper}] is inverted; lower <= upper is needed.")
         return Ball(low, high)
@@ -130,8 +109,8 @@ class Ball:
     @property
     def lower(self) -> float:
         """Largest double at or below the lower endpoint."""
-        value = float(self._lower)
-        while arb(value) > self._lower:
+        value = float(self.low)
+        while arb(value) > self.low:
             value = math.nextafter(value, -math.inf)
         return value
 
@@ -143,12 +122,12 @@ class Ball:
     @property
     def lower_exact(self) -> fmpq:
         """The lower endpoint as a rational."""
-        return self._lower.fmpq()
+        return self.low.fmpq()
 
     @property
     def upper_exact(self) -> fmpq:
         """The upper endpoint as a rational."""
-        return self._upper.fmpq()
+        return self.high.fmpq()
 
     @property
     def width(self) -> float:
@@ -158,35 +137,35 @@ class Ball:
     @property
     def is_point(self) -> bool:
         """True where both endpoints agree."""
-        return bool(self._lower == self._upper)
+        return bool(self.low == self.high)
 
     @at_working_precision
     def as_arb(self) -> arb:
         """Return a flint ball (midpoint and radius) that contains this interval, possibly a little wider."""
-        return self._lower.union(self._upper)
+        return self.low.union(self.high)
 
     def contains(self, value: Any) -> bool:
         """True where `value`, taken exactly, lies between the endpoints (they count as inside)."""
         if isinstance(value, Ball):
-            return bool(self._lower <= value._lower and value._upper <= self._upper)
-        if isinstance(value, float | np.floating) and not math.isfinite(value):
+            return bool(self.low <= value.low and value.high <= self.high)
+        if isinstance(value, float | np.floating) and not np.isfinite(value):
             return False
-        number = fmpq(*value.as_integer_ratio()) if isinstance(value, float | Fraction | np.floating) else value
-        return bool(self.lower_exact <= number <= self.upper_exact)
+        inside = value if isinstance(value, fmpq) else fmpq(*value.as_integer_ratio())
+        return bool(self.lower_exact <= inside <= self.upper_exact)
 
     def union(self, other: "Ball") -> "Ball":
         """Return the smallest interval that holds both."""
-        return Ball(min(self._lower, other._lower), max(self._upper, other._upper))
+        return Ball(min(self.low, other.low), max(self.high, other.high))
 
     @_binary
     def __add__(self, other: "Ball") -> "Ball":
-        return Ball((self._lower + other._lower).lower(), (self._upper + other._upper).upper())
+        return Ball((self.low + other.low).lower(), (self.high + other.high).upper())
 
     __radd__ = __add__
 
     @_binary
     def __sub__(self, other: "Ball") -> "Ball":
-        return Ball((self._lower - other._upper).lower(), (self._upper - other._lower).upper())
+        return Ball((self.low - other.high).lower(), (self.high - other.low).upper())
 
     @_binary
     def __rsub__(self, other: "Ball") -> "Ball":
@@ -194,14 +173,14 @@ class Ball:
 
     @_binary
     def __mul__(self, other: "Ball") -> "Ball":
-        a, b, c, d = self._lower, self._upper, other._lower, other._upper
-        if a >= 0:
-            return Ball(((a if c >= 0 else b) * c).lower(), ((b if d >= 0 else a) * d).upper())
-        if b <= 0:
-            return Ball(((b if d <= 0 else a) * d).lower(), ((a if c <= 0 else b) * c).upper())
-        if c >= 0:
+        a, b, c, d = self.low, self.high, other.low, other.high
+        if a >= _ZERO:
+            return Ball(((a if c >= _ZERO else b) * c).lower(), ((b if d >= _ZERO else a) * d).upper())
+        if b <= _ZERO:
+            return Ball(((b if d <= _ZERO else a) * d).lower(), ((a if c <= _ZERO else b) * c).upper())
+        if c >= _ZERO:
             return Ball((a * d).lower(), (b * d).upper())
-        if d <= 0:
+        if d <= _ZERO:
             return Ball((b * c).lower(), (a * c).upper())
         return Ball(min((a * d).lower(), (b * c).lower()), max((a * c).upper(), (b * d).upper()))
 
@@ -209,38 +188,38 @@ class Ball:
 
     @_binary
     def __truediv__(self, other: "Ball") -> "Ball":
-        a, b, c, d = self._lower, self._upper, other._lower, other._upper
-        if c <= 0 <= d:
+        a, b, c, d = self.low, self.high, other.low, other.high
+        if c <= _ZERO <= d:
             raise OutsideDomain(f"{self} is divided by {other}, which contains zero; keep the divisor away from zero.")
-        if d < 0:
+        if d < _ZERO:
             a, b, c, d = -b, -a, -d, -c
-        return Ball((a / (d if a >= 0 else c)).lower(), (b / (c if b >= 0 else d)).upper())
+        return Ball((a / (d if a >= _ZERO else c)).lower(), (b / (c if b >= _ZERO else d)).upper())
 
     @_binary
     def __rtruediv__(self, other: "Ball") -> "Ball":
         return other / self
 
     def __neg__(self) -> "Ball":
-        return Ball(-self._upper, -self._lower)
+        return Ball(-self.high, -self.low)
 
     def __pos__(self) -> "Ball":
         return self
 
     def __abs__(self) -> "Ball":
-        if self._lower >= 0:
+        if self.low >= 0:
             return self
-        return -self if self._upper <= 0 else Ball(arb(0), max(-self._lower, self._upper))
+        return -self if self.high <= 0 else Ball(_ZERO, max(-self.low, self.high))
 
     def __pow__(self, exponent: Any) -> "Ball":
-        return self.integer_pow(exponent) if isinstance(exponent, int | np.integer) else self.power(exponent)
+        return self.integer_pow(exponent) if isinstance(exponent, int) else self.power(exponent)
 
     @_binary
     def __lt__(self, other: "Ball") -> bool | None:
-        return True if self._upper < other._lower else (False if self._lower >= other._upper else None)
+        return True if self.high < other.low else (False if self.low >= other.high else None)
 
     @_binary
     def __le__(self, other: "Ball") -> bool | None:
-        return True if self._upper <= other._lower else (False if self._lower > other._upper else None)
+        return True if self.high <= other.low else (False if self.low > other.high else None)
 
     def __gt__(self, other: Any) -> bool | None:
         return (-self).__lt__(-other)
@@ -251,25 +230,25 @@ class Ball:
     @_binary
     def equals(self, other: "Ball") -> bool | None:
         """Answer self == other: True for equal points, False for disjoint intervals, else None."""
-        if self._upper < other._lower or self._lower > other._upper:
+        if self.high < other.low or self.low > other.high:
             return False
         return True if self.is_point and other.is_point else None
 
     @_binary
     def maximum(self, other: "Ball") -> "Ball":
         """Return the enclosure of max(self, other)."""
-        return Ball(max(self._lower, other._lower), max(self._upper, other._upper))
+        return Ball(max(self.low, other.low), max(self.high, other.high))
 
     @_binary
     def minimum(self, other: "Ball") -> "Ball":
         """Return the enclosure of min(self, other)."""
-        return Ball(min(self._lower, other._lower), min(self._upper, other._upper))
+        return Ball(min(self.low, other.low), min(self.high, other.high))
 
     @at_working_precision
     def square(self) -> "Ball":
         """Return the enclosure of x * x for one x, never negative."""
         size = abs(self)
-        return Ball((size._lower * size._lower).lower(), (size._upper * size._upper).upper())
+        return Ball((size.low * size.low).lower(), (size.high * size.high).upper())
 
     @at_working_precision
     def integer_pow(self, exponent: int) -> "Ball":
@@ -277,14 +256,14 @@ class Ball:
         if exponent < 0:
             return 1 / self.integer_pow(-exponent)
         base = self if exponent % 2 else abs(self)
-        power = fmpz(int(exponent))
-        return Ball((base._lower**power).lower(), (base._upper**power).upper())
+        power = fmpz(exponent)
+        return Ball((base.low**power).lower(), (base.high**power).upper())
 
     def power(self, exponent: Any) -> "Ball":
         """Return the enclosure of x**y for x > 0, or for x >= 0 where y > 0."""
         y = exponent if isinstance(exponent, Ball) else Ball.exact(exponent)
-        if self._lower == 0 and y._lower > 0:
-            return self if self._upper == 0 else Ball(arb(0), Ball(self._upper, self._upper).power(y)._upper)
+        if self.low == 0 and y.low > 0:
+            return self if self.high == 0 else Ball(_ZERO, Ball(self.high, self.high).power(y).high)
         return (y * self.log()).exp()
 
     exp = _increasing("exp", above=0)
@@ -305,6 +284,10 @@ class Ball:
     ceil = _increasing("ceil")
     sign = _increasing("sgn")
 
+    def trunc(self) -> "Ball":
+        """Return the enclosure of the whole part, rounded towards zero."""
+        return Ball(*((end.floor() if end >= _ZERO else end.ceil()) for end in (self.low, self.high)))
+
     def logistic(self) -> "Ball":
         """Return the enclosure of 1 / (1 + exp(-x))."""
         return ((self * 0.5).tanh() + 1) * 0.5
@@ -316,68 +299,44 @@ class Ball:
     @at_working_precision
     def sin(self) -> "Ball":
         """Return the enclosure of sin; a crest or trough inside the interval gives exactly 1 or -1."""
-        return _wave(self._lower, self._upper, arb.sin, fmpq(1, 2))
+        return Ball(*wave(self.low, self.high, arb.sin, fmpq(1, 2)))
 
     @at_working_precision
     def cos(self) -> "Ball":
         """Return the enclosure of cos; a crest or trough inside the interval gives exactly 1 or -1."""
-        return _wave(self._lower, self._upper, arb.cos, fmpq(0))
+        return Ball(*wave(self.low, self.high, arb.cos, fmpq(0)))
 
     @at_working_precision
     def tan(self) -> "Ball":
         """Return the enclosure of tan on an interval without a pole."""
-        if _may_hold(self._lower, self._upper, fmpq(1, 2), 1):
-            raise OutsideDomain(f"tan of {self} meets a pole; the interval needs to lie between two odd multiples of pi/2.")
-        return Ball(self._lower.tan().lower(), self._upper.tan().upper())
+        if may_hold(self.low, self.high, fmpq(1, 2), 1):
+            raise OutsideDomain(
+                f"tan of {self} meets a pole; the interval needs to lie between two odd multiples of pi/2."
+            )
+        return Ball(self.low.tan().lower(), self.high.tan().upper())
 
     @at_working_precision
     def atan2(self, x: "Ball") -> "Ball":
-        """Return the enclosure of the angle of the point (x, self) on a box that does not meet the cut x <= 0, y = 0."""
-        if x._lower <= 0 and self._lower <= 0 <= self._upper and (x._upper >= 0 or self._lower < 0):
-            raise OutsideDomain(f"atan2 of y = {self}, x = {x} meets its cut (y = 0, x <= 0); keep the point off the cut.")
+        """Return the enclosure of the angle of the points (x, self) on a box off the cut x <= 0, y = 0."""
+        if x.low <= 0 and self.low <= 0 <= self.high and (x.high >= 0 or self.low < 0):
+            raise OutsideDomain(
+                f"atan2 of y = {self}, x = {x} meets its cut (y = 0, x <= 0); keep the point off the cut."
+            )
         # Without the origin and the cut, the angle is monotone along every edge, so the corners hold both extremes.
-        corners = [arb.atan2(s, t) for s in (self._lower, self._upper) for t in (x._lower, x._upper)]
+        corners = [arb.atan2(s, t) for s in (self.low, self.high) for t in (x.low, x.high)]
         return Ball(min(c.lower() for c in corners), max(c.upper() for c in corners))
 
     @at_working_precision
     def rem(self, divisor: "Ball") -> "Ball":
         """Return the enclosure of x - c trunc(x / c), the remainder with the sign of x."""
-        turns = self / divisor
-        turns = turns.floor() if turns._lower >= 0 else turns.ceil() if turns._upper <= 0 else turns.floor().union(turns.ceil())
+        turns = (self / divisor).trunc()
         if turns.is_point:
             return self - divisor * turns
-        size = min(abs(divisor)._upper, abs(self)._upper)
-        return Ball(-size if self._lower < 0 else arb(0), size if self._upper > 0 else arb(0))
+        size = min(abs(divisor).high, abs(self).high)
+        return Ball(-size if self.low < _ZERO else _ZERO, size if self.high > _ZERO else _ZERO)
 
     def __repr__(self) -> str:
         return f"[{self.lower!r}, {self.upper!r}]"
 
 
-def _number(value: Any) -> arb:
-    if isinstance(value, float | np.floating):
-        if not math.isfinite(value):
-            raise OutsideDomain(f"{value} is not a finite number; an endpoint needs to be finite.")
-        return arb(float(value))
-    if isinstance(value, Fraction):
-        return arb(fmpq(value.numerator, value.denominator))
-    if isinstance(value, fmpq):
-        return arb(value)
-    if isinstance(value, int | np.integer):
-        return arb(fmpz(int(value)))
-    raise BadInput(f"{value!r} of type {type(value).__name__} is not a real number; give a float, int, Fraction or fmpq.")
-
-
 _cosh_of_size = _increasing("cosh", above=1)
-
-
-def _may_hold(lower: arb, upper: arb, phase: fmpq, period: int) -> bool:
-    """False where no number (phase + period k) pi, k whole, lies in [lower, upper]; True may be a doubt."""
-    last = ((upper / arb.pi() - phase) / period).upper().floor()
-    return bool((arb.pi() * (last * period + phase)).upper() >= lower)
-
-
-def _wave(lower: arb, upper: arb, function: Callable[[arb], arb], crest: fmpq) -> Ball:
-    left, right = function(lower), function(upper)
-    high = _ONE if _may_hold(lower, upper, crest, 2) else max(left.upper(), right.upper()).min(_ONE)
-    low = -_ONE if _may_hold(lower, upper, crest + 1, 2) else min(left.lower(), right.lower()).max(-_ONE)
-    return Ball(low, high)

@@ -8,7 +8,7 @@ code (JAX) alike.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from functools import cache
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -30,7 +30,7 @@ class Polynomial:
         terms: exponent tuple -> coefficient, all coefficients of one shape (rows, columns).
 
     Raises:
-        BadInput: no term, exponents of the wrong length, coefficients of different shape.
+        BadInput: no term, a name given twice, exponents of the wrong length or negative, coefficients of different shape.
     """
 
     # NumPy arrays on the left hand side must leave the operation to us.
@@ -40,12 +40,14 @@ class Polynomial:
         if not terms:
             raise BadInput("A matrix polynomial needs at least one term; give the zero matrix for a zero polynomial.")
         self.names = tuple(names)
-        self.terms: dict[Exponents, Any] = dict(terms)
+        self.terms: dict[Exponents, Any] = {e: _matrix(c) for e, c in terms.items()}
         shapes = {tuple(c.shape) for c in self.terms.values()}
         if len(shapes) != 1 or len(next(iter(shapes))) != 2:
             raise BadInput(f"Coefficients have shapes {sorted(shapes)}; all need one shape (rows, columns).")
-        if any(len(e) != len(self.names) for e in self.terms):
-            raise BadInput(f"Every exponent tuple needs {len(self.names)} entries, one for each of {self.names}.")
+        if len(set(self.names)) != len(self.names):
+            raise BadInput(f"Parameters {self.names} repeat a name; give each its own.")
+        if any(len(e) != len(self.names) or min(e, default=0) < 0 for e in self.terms):
+            raise BadInput(f"Every exponent tuple needs {len(self.names)} entries >= 0, one for each of {self.names}.")
         self.shape: tuple[int, int] = next(iter(shapes))
 
     @staticmethod
@@ -53,15 +55,15 @@ class Polynomial:
         """Lift a matrix of any arithmetic (a decision variable, say) to a polynomial of degree zero."""
         if isinstance(coefficient, Polynomial):
             return coefficient
-        return Polynomial((), {(): coefficient if hasattr(coefficient, "shape") else np.asarray(coefficient)})
+        return Polynomial((), {(): coefficient})
 
     @staticmethod
     def affine(constant: Any, **slopes: Any) -> "Polynomial":
         """Return constant + sum of parameter times slope, e.g. ``affine(A0, speed=A1)``."""
         names = tuple(slopes)
-        terms: dict[Exponents, Any] = {(0,) * len(names): np.asarray(constant)}
+        terms: dict[Exponents, Any] = {(0,) * len(names): constant}
         for k, name in enumerate(names):
-            terms[tuple(int(j == k) for j in range(len(names)))] = np.asarray(slopes[name])
+            terms[tuple(int(j == k) for j in range(len(names)))] = slopes[name]
         return Polynomial(names, terms)
 
     @property
@@ -84,9 +86,11 @@ class Polynomial:
         return Polynomial(self.names, {e: function(c) for e, c in self.terms.items()})
 
     def over(self, names: Sequence[str]) -> "Polynomial":
-        """Return the same polynomial written over `names`, which must contain every parameter in use."""
+        """Return the same polynomial written over `names`, which must contain every parameter of this one."""
         if tuple(names) == self.names:
             return self
+        if missing := [name for name in self.names if name not in names]:
+            raise BadInput(f"The polynomial depends on {missing}, which {tuple(names)} leaves out; name every parameter.")
         place = [tuple(names).index(name) for name in self.names]
         terms: dict[Exponents, Any] = {}
         for exponents, coefficient in self.terms.items():
@@ -126,6 +130,8 @@ class Polynomial:
             if other.shape != (1, 1):
                 raise BadInput(f"`*` takes a scalar or a polynomial of shape (1, 1), not {other.shape}; use `@`.")
             return _product(self, other, lambda a, b: a * b[0, 0])
+        if getattr(other, "shape", ()) not in ((), (1,), (1, 1)):
+            raise BadInput(f"`*` takes a scalar, not an array of shape {other.shape}; use `@`.")
         return self.map(lambda c: c * other)
 
     def __rmul__(self, other: Any) -> "Polynomial":
@@ -238,51 +244,17 @@ def _unflatten(form: tuple[tuple[str, ...], tuple[Exponents, ...]], leaves: Sequ
 jax.tree_util.register_pytree_node(Polynomial, lambda p: (tuple(p.terms.values()), (p.names, tuple(p.terms))), _unflatten)
 
 
-def symmetric(rows: Sequence[Sequence[Any]]) -> Polynomial:
-    """Return the symmetric block matrix whose upper block triangle is given row by row.
-
-    `symmetric([[a, b], [c]])` is [[a, b], [b.T, c]]; the number 0 stands for a zero block.
-
-    Args:
-        rows: rows of the upper block triangle, each one block shorter than the last.
-    """
-    upper = block([[0] * k + list(row) for k, row in enumerate(rows)])
-    strict = [[0] * (k + 1) + list(row[1:]) for k, row in enumerate(rows)]
-    if not any(isinstance(b, Polynomial) or hasattr(b, "shape") for row in strict for b in row):
-        return upper
-    sizes = [Polynomial.constant(row[0]).shape[0] for row in rows]
-    return upper + block(strict, sizes, sizes).T
-
-
-def block(rows: Sequence[Sequence[Any]], heights: Sequence[int] = (), widths: Sequence[int] = ()) -> Polynomial:
-    """Return the block matrix of polynomials, matrices and zeros (the number 0).
-
-    Args:
-        rows: blocks, row by row.
-        heights: number of rows of each block row, found from the blocks where left out.
-        widths: number of columns of each block column, found from the blocks where left out.
-    """
-    lifted = [[None if isinstance(b, int) and b == 0 else Polynomial.constant(b) for b in row] for row in rows]
-    tall = list(heights) or [next(b.shape[0] for b in row if b is not None) for row in lifted]
-    wide = list(widths) or [next(b.shape[1] for b in column if b is not None) for column in zip(*lifted, strict=True)]
-    total: Polynomial | None = None
-    for i, row in enumerate(lifted):
-        for j, item in enumerate(row):
-            if item is None:
-                continue
-            if item.shape != (tall[i], wide[j]):
-                raise BadInput(f"Block ({i}, {j}) has shape {item.shape}; its row and column need {(tall[i], wide[j])}.")
-            placed = item.map(_placer(sum(tall[:i]), sum(wide[:j]), sum(tall), sum(wide)))
-            total = placed if total is None else total + placed
-    if total is None:
-        return Polynomial.constant(np.zeros((sum(tall), sum(wide))))
-    return total
+def _matrix(coefficient: Any) -> Any:
+    """Leave matrices of any arithmetic alone, read nested lists."""
+    return coefficient if hasattr(coefficient, "shape") else np.asarray(coefficient)
 
 
 def fraction(number: Any) -> Fraction:
-    """Return the exact value of a float, integer or flint rational as a `Fraction`."""
+    """Return the exact value of a finite float, integer or flint rational as a `Fraction`."""
     if isinstance(number, fmpq):
         return Fraction(int(number.p), int(number.q))
+    if isinstance(number, float) and not math.isfinite(number):
+        raise BadInput(f"{number} is no exact number; interval ends and coefficients need to be finite.")
     return Fraction(number)
 
 
@@ -296,7 +268,8 @@ def as_fmpq(number: Fraction) -> fmpq:
     return fmpq(number.numerator, number.denominator)
 
 
-@cache
+# Bounded: a proof by subdivision asks for ever new boxes.
+@lru_cache(maxsize=4096)
 def _axis_weights(n: int, degree: int, lower: Fraction, upper: Fraction) -> tuple[tuple[Fraction, ...], ...]:
     """Weight of the monomial x^k in the i-th Bernstein coefficient of degree n on [lower, upper]: its polar form."""
     width = upper - lower
@@ -311,21 +284,6 @@ def _axis_weights(n: int, degree: int, lower: Fraction, upper: Fraction) -> tupl
         )
         for i in range(n + 1)
     )
-
-
-def _placer(top: int, left: int, rows: int, columns: int) -> Callable[[Any], Any]:
-    """Put a matrix of any arithmetic at (top, left) of a zero matrix."""
-
-    def place(matrix: Any) -> Any:
-        height, width = matrix.shape
-        if isinstance(matrix, np.ndarray):
-            out = np.zeros((rows, columns), dtype=matrix.dtype)
-            out[top : top + height, left : left + width] = matrix
-            return out
-        # Selection matrices work for every foreign matrix type, so cvxpy need not be known here.
-        return np.eye(rows, height, -top) @ matrix @ np.eye(width, columns, left)
-
-    return place
 
 
 def _aligned(left: Polynomial, right: Polynomial) -> tuple[Polynomial, Polynomial]:

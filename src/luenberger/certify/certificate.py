@@ -91,7 +91,12 @@ class Certificate:
         """Read what `as_text` wrote; the outcomes are what the file says until `certify` checks them again."""
         proofs = [
             Proof(
-                Claim.from_text(p["claim"]), Outcome(p["outcome"]), from_text(p["margin"]), p["point"], p["pieces"], p["reason"]
+                Claim.from_text(p["claim"]),
+                Outcome(p["outcome"]),
+                from_text(p["margin"]),
+                p["point"],
+                p["pieces"],
+                p["reason"],
             )
             for p in data["proofs"]
         ]
@@ -151,7 +156,14 @@ def prove(system: System, gain: Polynomial, claim: Claim) -> Proof:
     if claim.kind != "gain_bound":
         P = exact(np.asarray(claim.storage))
         if P.shape[0] != system.nx:
-            return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, f"The storage has {P.shape[0]} rows; the plant has {system.nx} states.")
+            return Proof(
+                claim,
+                Outcome.REFUTED,
+                0.0,
+                {},
+                0,
+                f"The storage has {P.shape[0]} rows; the plant has {system.nx} states.",
+            )
         if positive_definite(P) is not Outcome.PROVED:
             return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, "The storage matrix is not positive definite.")
     if system.dt is not None and claim.kind == "decay" and claim.level >= 1:
@@ -166,14 +178,25 @@ def prove(system: System, gain: Polynomial, claim: Claim) -> Proof:
 def assumptions(system: System) -> tuple[str, ...]:
     """Return what a certificate of this plant rests on, one sentence each."""
     time_axis = "continuous time" if system.dt is None else f"discrete time with step {system.dt:g} s"
-    lines = [f"The plant is `{system.name}` in {time_axis}; the claim is about that model, not about another sampling of it."]
+    lines = [
+        f"The plant is `{system.name}` in {time_axis}; the claim is about that model, not about another sampling of it."
+    ]
     for p in system.parameters:
         word = "is measured exactly" if p.measured else "is not measured"
-        lines.append(f"{p.name} {word} and stays in [{p.lower:.6g}, {p.upper:.6g}] {p.unit}".rstrip() + ", however fast it changes.")
+        lines.append(
+            f"{p.name} {word} and stays in [{p.lower:.6g}, {p.upper:.6g}] {p.unit}".rstrip()
+            + ", however fast it changes."
+        )
     f = system.nonlinearity
     if f is not None and f.jacobian_lower is not None:
-        how = "proved by ball arithmetic when the plant was built" if f.bound_status == "proved" else "declared by the user"
-        lines.append(f"The Jacobian of the nonlinearity stays in its box ({how}): {_box_text(f.jacobian_lower, f.jacobian_upper)}.")
+        how = (
+            "proved by ball arithmetic when the plant was built"
+            if f.bound_status == "proved"
+            else "declared by the user"
+        )
+        lines.append(
+            f"The Jacobian of the nonlinearity stays in its box ({how}): {_box_text(f.jacobian_lower, f.jacobian_upper)}."
+        )
     elif f is not None:
         lines.append(f"The nonlinearity has Lipschitz constant {f.lipschitz_bound:.6g} (declared by the user).")
     if f is not None and f.domain is not None:
@@ -186,7 +209,9 @@ def _inequality(system: System, gain: Polynomial, claim: Claim, lift: Any) -> Po
     level = exact(np.array([[claim.level]]))[0, 0]
     if claim.kind == "gain_bound":
         nx, ny = gain.shape
-        return -symmetric([[Polynomial.constant(exact(claim.level * np.eye(nx))), lift(gain)], [exact(claim.level * np.eye(ny))]])
+        return -symmetric(
+            [[Polynomial.constant(exact(claim.level * np.eye(nx))), lift(gain)], [exact(claim.level * np.eye(ny))]]
+        )
     error = ErrorSystem.of(system, gain, lift)
     P = exact(np.asarray(claim.storage))
     multiplier = exact(np.array([[claim.multiplier or 0.0]]))[0, 0]
@@ -199,7 +224,9 @@ def _inequality(system: System, gain: Polynomial, claim: Claim, lift: Any) -> Po
         "both": lambda: _beside(error.disturbance, error.noise),
     }[claim.inputs]()
     weight = Polynomial.constant(exact(np.asarray(claim.weight)))
-    return error.dissipation(P, rate=rate, weight=weight, inputs=inputs, gain_squared=level * level, multiplier=multiplier)
+    return error.dissipation(
+        P, rate=rate, weight=weight, inputs=inputs, gain_squared=level * level, multiplier=multiplier
+    )
 
 
 def _beside(left: Polynomial, right: Polynomial) -> Polynomial:

@@ -109,9 +109,12 @@ def from_text(text: str) -> float:
     try:
         p, _, q = str(text).partition("/")
         value = int(p) / int(q or 1)
-        held = value.as_integer_ratio() == ((int(p) // math.gcd(int(p), int(q or 1))), int(q or 1) // math.gcd(int(p), int(q or 1)))
+        held = value.as_integer_ratio() == (
+            (int(p) // math.gcd(int(p), int(q or 1))),
+            int(q or 1) // math.gcd(int(p), int(q or 1)),
+        )
     except (ValueError, ZeroDivisionError, OverflowError):
-        raise BadInput(f"`{text}` is not a rational; numbers in a certificate need the form \"p/q\".") from None
+        raise BadInput(f'`{text}` is not a rational; numbers in a certificate need the form "p/q".') from None
     if not held:
         raise BadInput(f"`{text}` is not exactly a double; the certificate was altered or written by something else.")
     return value

@@ -35,7 +35,9 @@ class Verdict:
     pieces: int
 
 
-def negative_definite(matrix: Polynomial | BallMatrix, box: Mapping[str, tuple[Any, Any]], *, pieces: int = 2000) -> Verdict:
+def negative_definite(
+    matrix: Polynomial | BallMatrix, box: Mapping[str, tuple[Any, Any]], *, pieces: int = 2000
+) -> Verdict:
     """Decide whether a symmetric matrix is negative definite for all parameters in a box.
 
     A polynomial needs exact rational coefficients: its Bernstein coefficients decide a piece, and its exact values at the
@@ -57,7 +59,9 @@ def negative_definite(matrix: Polynomial | BallMatrix, box: Mapping[str, tuple[A
     while queue:
         piece = queue.pop()
         done += 1
-        outcome, here, point = _polynomial_piece(matrix, piece) if isinstance(matrix, Polynomial) else _ball_piece(matrix, piece)
+        outcome, here, point = (
+            _polynomial_piece(matrix, piece) if isinstance(matrix, Polynomial) else _ball_piece(matrix, piece)
+        )
         if outcome is Outcome.REFUTED:
             return Verdict(outcome, 0.0, point, done)
         if outcome is Outcome.PROVED:
@@ -86,7 +90,9 @@ def proved_margin(matrix: np.ndarray) -> tuple[Outcome, float]:
 
 def as_float(matrix: np.ndarray) -> np.ndarray:
     """Round an object array of rationals or balls to doubles (midpoints); a guide for the search, never a proof."""
-    return np.vectorize(lambda x: 0.5 * (x.lower + x.upper) if isinstance(x, Ball) else float(fraction(x)), otypes=[float])(matrix)
+    return np.vectorize(
+        lambda x: 0.5 * (x.lower + x.upper) if isinstance(x, Ball) else float(fraction(x)), otypes=[float]
+    )(matrix)
 
 
 def _polynomial_piece(matrix: Polynomial, piece: ExactBox) -> tuple[Outcome, float, dict[str, float]]:

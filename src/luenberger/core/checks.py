@@ -21,7 +21,9 @@ def finite_array(name: str, value: object) -> np.ndarray:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as cause:
-        raise BadInput(f"`{name}` cannot be read as an array of numbers ({cause}); give nested lists of floats.") from None
+        raise BadInput(
+            f"`{name}` cannot be read as an array of numbers ({cause}); give nested lists of floats."
+        ) from None
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         where = tuple(int(i) for i in bad[0])
@@ -31,7 +33,9 @@ def finite_array(name: str, value: object) -> np.ndarray:
     return array
 
 
-def matrix(name: str, value: object, rows: int | None = None, columns: int | None = None, because: str = "") -> np.ndarray:
+def matrix(
+    name: str, value: object, rows: int | None = None, columns: int | None = None, because: str = ""
+) -> np.ndarray:
     """Return `value` as a finite 2-D float64 array of the wanted shape; None leaves a side free.
 
     Args:
@@ -48,7 +52,11 @@ def matrix(name: str, value: object, rows: int | None = None, columns: int | Non
     if array.ndim == 0:
         array = array.reshape(1, 1)
     wanted = f"({'any' if rows is None else rows}, {'any' if columns is None else columns})"
-    if array.ndim != 2 or (rows is not None and array.shape[0] != rows) or (columns is not None and array.shape[1] != columns):
+    if (
+        array.ndim != 2
+        or (rows is not None and array.shape[0] != rows)
+        or (columns is not None and array.shape[1] != columns)
+    ):
         reason = f" but {because}" if because else ""
         raise BadInput(f"`{name}` has shape {array.shape}{reason}; `{name}` needs shape {wanted}.")
     return array
@@ -58,6 +66,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """Return a hint ` Did you mean `x`?` for the known word closest to `word`, or the list of known words."""
     words = sorted(known)
     match = difflib.get_close_matches(word, words, n=1, cutoff=0.5)
+    if not words:
+        return " There are none to choose from."
     return f" Did you mean `{match[0]}`?" if match else f" Known: {', '.join(f'`{w}`' for w in words)}."
 
 

@@ -9,7 +9,7 @@ from luenberger.core.checks import finite_array, nearest
 from luenberger.core.errors import BadInput
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signal:
     """One named channel.
 
@@ -33,7 +33,7 @@ class Signal:
         object.__setattr__(self, "values", values)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Strictly increasing times and the signals sampled at them.
 
@@ -56,13 +56,15 @@ class Trajectory:
     def __post_init__(self) -> None:
         time = finite_array("time", self.time)
         if time.ndim != 1 or time.size < 2:
-            raise BadInput(f"`time` of `{self.name}` has shape {time.shape}; at least two samples in shape (nt,) are needed.")
+            raise BadInput(
+                f"`time` of `{self.name}` has shape {time.shape}; at least two samples in shape (nt,) are needed."
+            )
         bad = np.flatnonzero(np.diff(time) <= 0)
         if bad.size:
             k = int(bad[0])
             word = "repeats" if time[k + 1] == time[k] else "runs backwards"
             raise BadInput(
-                f"`time` of `{self.name}` {word} at sample {k + 1}: {time[k]!r} s is followed by {time[k + 1]!r} s "
+                f"`time` of `{self.name}` {word} at sample {k + 1}: {float(time[k])!r} s is followed by {float(time[k + 1])!r} s "
                 f"({bad.size} such places); time stamps need to increase strictly. Sort the log or drop the duplicates."
             )
         index: dict[str, Signal] = {}
@@ -155,11 +157,13 @@ class Trajectory:
             dt: wanted step [s], positive.
 
         Raises:
-            BadInput: `dt` not positive.
+            BadInput: `dt` not positive, or longer than the trajectory.
         """
         if not (np.isfinite(dt) and dt > 0):
             raise BadInput(f"`dt` is {dt}; a positive step in seconds is needed.")
         count = int(np.floor((self.time[-1] - self.time[0]) / dt + 1e-9)) + 1
+        if count < 2:
+            raise BadInput(f"`{self.name}` lasts {self.time[-1] - self.time[0]:g} s, less than one step dt = {dt:g} s; take a finer one.")
         grid = self.time[0] + dt * np.arange(count)
         again = [Signal(s.name, s.unit, np.interp(grid, self.time, s.values), s.description) for s in self.signals]
         return Trajectory(grid, again, self.name, self.source)

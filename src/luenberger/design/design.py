@@ -115,4 +115,6 @@ class Design:
         except (KeyError, TypeError, ValueError) as cause:
             if isinstance(cause, BadInput):
                 raise
-            raise BadInput(f"`{path}` is damaged ({type(cause).__name__}: {cause}); write it again with `Design.save`.") from None
+            raise BadInput(
+                f"`{path}` is damaged ({type(cause).__name__}: {cause}); write it again with `Design.save`."
+            ) from None

@@ -36,7 +36,9 @@ def system_as_text(system: System) -> dict[str, Any]:
     """
     for letter, value in system.matrices.items():
         if not isinstance(value, Polynomial):
-            raise NotAccepted(f"`{letter}` of `{system.name}` is a JAX function; only constant and polynomial matrices can be saved.")
+            raise NotAccepted(
+                f"`{letter}` of `{system.name}` is a JAX function; only constant and polynomial matrices can be saved."
+            )
     f = system.nonlinearity
     return {
         "name": system.name,
@@ -131,6 +133,8 @@ def _nonlinearity_from_text(data: dict[str, Any], function: Any) -> Nonlinearity
         jacobian_lower=optional(data["jacobian_lower"]),
         jacobian_upper=optional(data["jacobian_upper"]),
         lipschitz=None if data["lipschitz"] is None else from_text(data["lipschitz"]),
-        domain=None if domain is None else (np.array([from_text(x) for x in domain[0]]), np.array([from_text(x) for x in domain[1]])),
+        domain=None
+        if domain is None
+        else (np.array([from_text(x) for x in domain[0]]), np.array([from_text(x) for x in domain[1]])),
         bound_status=data["bound_status"],
     )

@@ -33,7 +33,9 @@ def stacked(expression: Any, variables: Sequence[cp.Variable], memo: dict[int, F
     """
     constant, slopes = _form(expression, memo)
     if foreign := set(slopes) - {v.id for v in variables}:
-        raise BadInput(f"The inequality uses {len(foreign)} variable(s) that `Problem.variables` does not list; add them.")
+        raise BadInput(
+            f"The inequality uses {len(foreign)} variable(s) that `Problem.variables` does not list; add them."
+        )
     size = constant.size
     columns = [slopes[v.id].reshape(v.size, size).T if v.id in slopes else np.zeros((size, v.size)) for v in variables]
     return np.hstack([*columns, constant.reshape(size, 1)])
@@ -54,7 +56,9 @@ def _walk(expression: Any, memo: dict[int, Form]) -> Form:
         return np.zeros(shape), {expression.id: basis}
     if expression.is_constant():
         value = expression.value
-        return np.atleast_2d(np.asarray(value.toarray() if hasattr(value, "toarray") else value, dtype=float)).reshape(shape), {}
+        return np.atleast_2d(np.asarray(value.toarray() if hasattr(value, "toarray") else value, dtype=float)).reshape(
+            shape
+        ), {}
     if isinstance(expression, AddExpression):
         total: Form = (np.zeros(shape), {})
         for part in expression.args:
@@ -78,7 +82,9 @@ def _walk(expression: Any, memo: dict[int, Form]) -> Form:
 
 def _by_gradient(expression: Any, shape: tuple[int, int]) -> Form:
     if not expression.is_affine():
-        raise BadInput(f"`{expression}` is not affine in the decision variables; a matrix inequality needs affine entries.")
+        raise BadInput(
+            f"`{expression}` is not affine in the decision variables; a matrix inequality needs affine entries."
+        )
     for variable in expression.variables():
         variable.save_value(np.zeros(variable.shape))
     constant = np.asarray(expression.value, dtype=float).reshape(shape)
@@ -101,5 +107,3 @@ def _sum(left: Form, right: Form, shape: tuple[int, int]) -> Form:
 
 def _two(shape: tuple[int, ...]) -> tuple[int, int]:
     return (1, 1) if not shape else (1, shape[0]) if len(shape) == 1 else (shape[0], shape[1])
-
-

@@ -120,7 +120,8 @@ def solve(
     for block in problem.blocks:
         shift = -block.margin if slack is None else slack - block.margin
         cones[block.name] = [
-            (shift * np.eye(n) - cp.reshape(K[:, :-1] @ x + K[:, -1], (n, n), order="C")) >> 0 for n, K in groups[block.name]
+            (shift * np.eye(n) - cp.reshape(K[:, :-1] @ x + K[:, -1], (n, n), order="C")) >> 0
+            for n, K in groups[block.name]
         ]
     objective = cp.Minimize(0 if problem.objective is None else problem.objective)
     posed = cp.Problem(objective, [*(c for group in cones.values() for c in group), *extra])
@@ -133,7 +134,9 @@ def solve(
         margin, residual = _residual(problem, groups, values, 0.0 if slack is None else float(slack.value))
         if residual <= tolerance:
             value = float(objective.expr.value)
-            return Solution(values, value, value, margin, residual, name, own, time.perf_counter() - start, _charges(cones))
+            return Solution(
+                values, value, value, margin, residual, name, own, time.perf_counter() - start, _charges(cones)
+            )
     return None
 
 
@@ -205,7 +208,8 @@ def _residual(
 
 def _charges(cones: Mapping[str, list[Any]]) -> dict[str, float]:
     traces = {
-        name: sum(float(np.trace(np.atleast_2d(c.dual_value))) for c in group if c.dual_value is not None) for name, group in cones.items()
+        name: sum(float(np.trace(np.atleast_2d(c.dual_value))) for c in group if c.dual_value is not None)
+        for name, group in cones.items()
     }
     total = sum(traces.values()) or 1.0
     return {name: value / total for name, value in traces.items()}

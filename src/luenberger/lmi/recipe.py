@@ -31,7 +31,10 @@ def centre(
     if best is None:
         return None
     t = cp.Variable()
-    extra = [cp.norm(v, "fro" if v.ndim == 2 else 2) <= cap * np.linalg.norm(best.values[k]) + 1e-9 for k, v in problem.variables.items()]
+    extra = [
+        cp.norm(v, "fro" if v.ndim == 2 else 2) <= cap * np.linalg.norm(best.values[k]) + 1e-9
+        for k, v in problem.variables.items()
+    ]
     if problem.objective is not None:
         extra.append(problem.objective <= best.objective + back_off * abs(best.objective))
     wide = solve(replace(problem, objective=t), slack=t, extra=extra, solvers=solvers)
@@ -39,7 +42,11 @@ def centre(
         return None
     value = 0.0 if problem.objective is None else float(problem.objective.value)
     return replace(
-        wide, objective=value, optimum=best.objective, solver_seconds=best.solver_seconds + wide.solver_seconds, seconds=best.seconds + wide.seconds
+        wide,
+        objective=value,
+        optimum=best.objective,
+        solver_seconds=best.solver_seconds + wide.solver_seconds,
+        seconds=best.seconds + wide.seconds,
     )
 
 
@@ -89,8 +96,18 @@ def infeasible(problem: Problem, option: str, wanted: float | None, unit: str, n
     block = charged_block(problem)
     blame = f" The inequality `{block}` stands in the way." if block else ""
     if not option or wanted is None:
-        return Infeasible(f"No observer of this form was found.{blame} Relax a bound of the plant or add a sensor.", block)
+        return Infeasible(
+            f"No observer of this form was found.{blame} Relax a bound of the plant or add a sensor.", block
+        )
     request = f"No observer of this form was found for {option} = {wanted:.6g} {unit}".rstrip() + ";"
     if nearest is None:
-        return Infeasible(f"{request} no other value of `{option}` helps either.{blame} Relax a bound of the plant or add a sensor.", block)
-    return Infeasible(f"{request} the closest found was {nearest:.6g} {unit}".rstrip() + f".{blame} Ask for that `{option}` or less strict.", block, nearest)
+        return Infeasible(
+            f"{request} no other value of `{option}` helps either.{blame} Relax a bound of the plant or add a sensor.",
+            block,
+        )
+    return Infeasible(
+        f"{request} the closest found was {nearest:.6g} {unit}".rstrip()
+        + f".{blame} Ask for that `{option}` or less strict.",
+        block,
+        nearest,
+    )

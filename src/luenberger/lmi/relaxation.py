@@ -36,7 +36,9 @@ class Bernstein:
 
     def __post_init__(self) -> None:
         if self.elevation < 0 or self.parts < 1:
-            raise BadInput(f"Bernstein has elevation {self.elevation} and parts {self.parts}; >= 0 and >= 1 are needed.")
+            raise BadInput(
+                f"Bernstein has elevation {self.elevation} and parts {self.parts}; >= 0 and >= 1 are needed."
+            )
 
     def matrices(self, matrix: Polynomial, box: Box) -> list[Any]:
         """Return all Bernstein coefficients of all sub-boxes."""
@@ -56,7 +58,9 @@ class Vertices:
             NotAccepted: a parameter enters with a power above one, so that vertices prove nothing.
         """
         if not matrix.is_multi_affine:
-            raise NotAccepted(f"The inequality has degrees {matrix.degree}; vertices are unsound above 1. Use `Bernstein`.")
+            raise NotAccepted(
+                f"The inequality has degrees {matrix.degree}; vertices are unsound above 1. Use `Bernstein`."
+            )
         return list(matrix.bernstein(box).values())
 
 

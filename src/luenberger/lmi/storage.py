@@ -29,7 +29,9 @@ def decay_storage(system: System, gain: Polynomial, rate: float) -> tuple[np.nda
     return rounded_storage(found.values["P"]), float(found.values["s"])
 
 
-def l2_storage(system: System, gain: Polynomial, weight: np.ndarray, inputs: str) -> tuple[float, np.ndarray, float] | None:
+def l2_storage(
+    system: System, gain: Polynomial, weight: np.ndarray, inputs: str
+) -> tuple[float, np.ndarray, float] | None:
     """Return (level, P, multiplier) of the smallest L2 gain found for a fixed gain, backed off by one percent; or None.
 
     Args:
@@ -43,7 +45,12 @@ def l2_storage(system: System, gain: Polynomial, weight: np.ndarray, inputs: str
     w = {"disturbance": error.disturbance, "noise": error.noise}[inputs]
     rate = 0 if system.dt is None else 1
     matrix = error.dissipation(
-        P, rate=rate, weight=Polynomial.constant(np.asarray(weight, dtype=float)), inputs=w, gain_squared=squared, multiplier=s
+        P,
+        rate=rate,
+        weight=Polynomial.constant(np.asarray(weight, dtype=float)),
+        inputs=w,
+        gain_squared=squared,
+        multiplier=s,
     )
     problem = Problem({"P": P, "s": s, "squared": squared}, [*blocks, Block("l2_gain", matrix, error.box)], squared)
     found = centre(problem, back_off=0.02)

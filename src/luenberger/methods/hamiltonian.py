@@ -127,7 +127,9 @@ def hinf_peak(A: np.ndarray, B: np.ndarray, C: np.ndarray, tolerance: float = 1e
     A = matrix("A", A)
     poles = np.linalg.eigvals(A)
     if poles.real.max() >= 0:
-        raise BadInput(f"`A` has an eigenvalue with real part {poles.real.max():.3g} 1/s; the norm needs a stable matrix (all < 0).")
+        raise BadInput(
+            f"`A` has an eigenvalue with real part {poles.real.max():.3g} 1/s; the norm needs a stable matrix (all < 0)."
+        )
     best = max((_response(A, B, C, w) for w in (0.0, *np.abs(poles), *np.abs(poles.imag))), key=lambda p: p.level)
     while best.level > 0:
         level = best.level * (1 + tolerance)

@@ -69,9 +69,13 @@ def require_polynomial(system: System) -> None:
     for letter in "ACF":
         value = getattr(system, letter)
         if isinstance(value, MatrixFunction):
-            raise NotAccepted(f"`{letter}` of `{system.name}` is a function on the domain; this method needs polynomial matrices.")
+            raise NotAccepted(
+                f"`{letter}` of `{system.name}` is a function on the domain; this method needs polynomial matrices."
+            )
         if hidden := set(value.names) & set(system.uncertainty):
-            raise NotAccepted(f"`{letter}` of `{system.name}` depends on the unmeasured {sorted(hidden)}; freeze them or use a robust method.")
+            raise NotAccepted(
+                f"`{letter}` of `{system.name}` depends on the unmeasured {sorted(hidden)}; freeze them or use a robust method."
+            )
 
 
 def require_continuous(system: System) -> None:
@@ -84,7 +88,9 @@ def require_continuous(system: System) -> None:
         raise NotAccepted(f"`{system.name}` is discrete (dt = {system.dt:g} s); this theorem is about continuous time.")
 
 
-def scheduled_variable(rows: int, columns: int, like: Sequence[Polynomial], names: Sequence[str], name: str) -> tuple[Polynomial, dict[str, cp.Variable]]:
+def scheduled_variable(
+    rows: int, columns: int, like: Sequence[Polynomial], names: Sequence[str], name: str
+) -> tuple[Polynomial, dict[str, cp.Variable]]:
     """Return a decision matrix with one coefficient for every monomial of the measured parameters that the plant shows.
 
     Args:
@@ -115,9 +121,15 @@ def gain_blocks(P: Any, Y: Polynomial, squared: Any, box: Mapping[str, tuple[flo
     return [Block("storage", Polynomial.constant(np.eye(nx) - P)), Block("gain", -wide, box)]
 
 
-def gain_level(found: Solution) -> float:
-    """Return the norm bound that the blocks of `gain_blocks` leave after rounding of the gain."""
-    return float(np.sqrt(found.values["squared"])) * (1 + 1e-5)
+def gain_bound(gain: Polynomial, box: Mapping[str, tuple[float, float]]) -> Claim:
+    """Return the claim on |L(r)| with the tightest level the Bernstein hull gives.
+
+    Args:
+        gain: the rounded gain.
+        box: scheduling box.
+    """
+    level = max(np.linalg.norm(np.asarray(c), 2) for c in gain.bernstein(box).values())
+    return Claim("gain_bound", float(level) * (1 + 1e-6) + 1e-12)
 
 
 def statistics(found: Solution) -> dict[str, Any]:

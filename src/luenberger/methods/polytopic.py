@@ -1,6 +1,6 @@
 """LPV Luenberger observer by vertex (Bernstein) inequalities with one storage matrix, a decay rate and the smallest gain."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
 import cvxpy as cp
@@ -12,7 +12,7 @@ from luenberger.lmi import Bernstein, Block, Problem, Relaxation, centre, infeas
 from luenberger.methods.method import (
     Candidate,
     gain_blocks,
-    gain_level,
+    gain_bound,
     require_continuous,
     require_polynomial,
     scheduled_variable,
@@ -52,7 +52,7 @@ class PolytopicLuenberger:
 
     decay_rate: float = 0.0
     schedule: Literal["plant", "constant"] = "plant"
-    relaxation: Relaxation = Bernstein()
+    relaxation: Relaxation = field(default_factory=Bernstein)
 
     references: ClassVar[tuple[str, ...]] = (
         "Y. Wang, dissertation, University of California, Berkeley, 2014, eq. (3.27)",
@@ -67,17 +67,20 @@ class PolytopicLuenberger:
 
     def design(self, system: System) -> Candidate:
         """Minimise the gain bound; see `Method`."""
-        problem, P, Y = self._posed(system)
+        problem, Y = self._posed(system)
         found = centre(problem)
         if found is None:
             nearest = nearest_level(lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate)
             raise infeasible(problem, "decay_rate", self.decay_rate, "1/s", nearest)
         storage = rounded_storage(found.values["P"])
         gain = Y.map(lambda y: np.linalg.solve(found.values["P"], np.asarray(y.value)))
-        claims = [Claim("decay", self.decay_rate, storage), Claim("gain_bound", gain_level(found))]
-        return Candidate(gain, lambda rounded: claims, statistics(found))
 
-    def _posed(self, system: System) -> tuple[Problem, cp.Variable, Polynomial]:
+        def claims(rounded: Polynomial) -> list[Claim]:
+            return [Claim("decay", self.decay_rate, storage), gain_bound(rounded, system.scheduling_box)]
+
+        return Candidate(gain, claims, statistics(found))
+
+    def _posed(self, system: System) -> tuple[Problem, Polynomial]:
         A, C = as_floats(system.A), as_floats(system.C)
         box = error_box(system)
         P = cp.Variable((system.nx, system.nx), symmetric=True, name="P")
@@ -89,4 +92,4 @@ class PolytopicLuenberger:
         drift = Polynomial.constant(P) @ A - Y @ C
         decay = drift + drift.T + Polynomial.constant(2 * self.decay_rate * P)
         blocks = [Block("decay", decay, box, relaxation=self.relaxation), *gain_blocks(P, Y, squared, box)]
-        return Problem({"P": P, "squared": squared, **variables}, blocks, squared), P, Y
+        return Problem({"P": P, "squared": squared, **variables}, blocks, squared), Y

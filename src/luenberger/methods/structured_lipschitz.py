@@ -13,7 +13,7 @@ from luenberger.lmi import Block, Problem, centre, infeasible, l2_storage, neare
 from luenberger.methods.method import (
     Candidate,
     gain_blocks,
-    gain_level,
+    gain_bound,
     require_continuous,
     require_polynomial,
     scheduled_variable,
@@ -79,7 +79,7 @@ class StructuredLipschitz:
         multiplier = float(found.values["s"])
 
         def claims(rounded: Polynomial) -> list[Claim]:
-            made = [Claim("decay", self.decay_rate, storage, multiplier), Claim("gain_bound", gain_level(found))]
+            made = [Claim("decay", self.decay_rate, storage, multiplier), gain_bound(rounded, system.scheduling_box)]
             eye = np.eye(system.nx)
             if system.nd and (level := l2_storage(system, rounded, eye, "disturbance")) is not None:
                 made.append(Claim("l2_gain", level[0], level[1], level[2], eye, "disturbance"))

@@ -1,4 +1,7 @@
-"""Linear plants to and from python-control. Kept out of the room's front door because python-control loads matplotlib."""
+"""Linear plants to and from python-control.
+
+Not exported by the room: python-control loads matplotlib, which `import luenberger` should not pay for.
+"""
 
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +43,8 @@ def from_control(plant: "StateSpace") -> System:
     if plant.dt is None or plant.dt is True:
         meaning = "open" if plant.dt is None else "discrete with an open step"
         raise BadInput(
-            f"The time base of `{plant.name}` is dt = {plant.dt}, {meaning}; set `plant.dt = 0` for continuous time or the step in seconds."
+            f"The time base of `{plant.name}` is dt = {plant.dt}, {meaning}; set `plant.dt = 0` for continuous time "
+            "or the step in seconds."
         )
     return System.linear(
         plant.A,
@@ -56,16 +60,17 @@ def from_control(plant: "StateSpace") -> System:
 
 
 def to_control(system: System) -> "StateSpace":
-    """Return a linear time-invariant plant as a python-control `StateSpace` with names and time base (0 where continuous).
+    """Return a linear time-invariant plant as a python-control `StateSpace` with its names.
 
-    The unknown input E, the noise direction G and the units have no place there and stay behind.
+    The time base is 0 for a continuous plant. The unknown input E, the noise direction G and the units have no place
+    there and stay behind.
 
     Args:
         system: plant without nonlinearity and without parameters in its matrices.
 
     Raises:
         MissingExtra: python-control is not installed.
-        BadInput: the plant is not linear time-invariant; freeze it first.
+        BadInput: the plant has no input, or is not linear time-invariant; freeze it first.
     """
     library = _library()
     if system.nonlinearity is not None:
@@ -76,6 +81,10 @@ def to_control(system: System) -> "StateSpace":
     if used:
         call = ", ".join(f"{name}=..." for name in used)
         raise BadInput(f"`{system.name}` depends on {used}; a StateSpace is constant. Convert `system.freeze({call})`.")
+    if not system.nu:
+        raise BadInput(
+            f"`{system.name}` has no input, and python-control holds no such plant; give `B` and `D`, zero columns will do."
+        )
     A, B, C, D = (np.asarray(matrix({}), dtype=float) for letter, matrix in system.matrices.items() if letter in "ABCD")
     return library.StateSpace(
         A,

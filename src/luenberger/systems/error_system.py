@@ -72,7 +72,9 @@ class ErrorSystem:
                 f"The gain has shape {gain.shape}; a plant with {system.nx} states and {system.ny} outputs needs ({system.nx}, {system.ny})."
             )
         if unknown := set(gain.names) - set(system.scheduling_names):
-            raise BadInput(f"The gain depends on {sorted(unknown)}, which `{system.name}` does not measure; use {system.scheduling_names}.")
+            raise BadInput(
+                f"The gain depends on {sorted(unknown)}, which `{system.name}` does not measure; use {system.scheduling_names}."
+            )
         hidden = {n for m in (system.A, system.B, system.C, system.F) for n in m.names} & set(system.uncertainty)
         if hidden:
             raise NotAccepted(
@@ -96,7 +98,14 @@ class ErrorSystem:
         return self.lift(Polynomial.constant(np.eye(n)))
 
     def dissipation(
-        self, P: Any, *, rate: Any = 0, weight: Any = None, inputs: Polynomial | None = None, gain_squared: Any = None, multiplier: Any = None
+        self,
+        P: Any,
+        *,
+        rate: Any = 0,
+        weight: Any = None,
+        inputs: Polynomial | None = None,
+        gain_squared: Any = None,
+        multiplier: Any = None,
     ) -> Polynomial:
         """Return the symmetric matrix that must be negative definite everywhere on the box.
 
@@ -141,7 +150,9 @@ def error_box(system: System) -> dict[str, tuple[float, float]]:
     if f is None or f.jacobian_lower is None or f.jacobian_upper is None:
         return dict(system.scheduling_box)
     lower, upper = f.jacobian_lower, f.jacobian_upper
-    return system.scheduling_box | {_entry(i, j): (float(lower[i, j]), float(upper[i, j])) for i, j in np.argwhere(lower < upper)}
+    return system.scheduling_box | {
+        _entry(i, j): (float(lower[i, j]), float(upper[i, j])) for i, j in _varying(lower, upper)
+    }
 
 
 def jacobian(system: System, lift: Lift = as_floats) -> Polynomial:
@@ -161,7 +172,7 @@ def jacobian(system: System, lift: Lift = as_floats) -> Polynomial:
         )
     lower, upper = f.jacobian_lower, f.jacobian_upper
     slopes = {}
-    for i, j in np.argwhere(lower < upper):
+    for i, j in _varying(lower, upper):
         slopes[_entry(i, j)] = np.zeros(lower.shape)
         slopes[_entry(i, j)][i, j] = 1.0
     return lift(Polynomial.affine(np.where(lower == upper, lower, 0.0), **slopes))
@@ -169,3 +180,7 @@ def jacobian(system: System, lift: Lift = as_floats) -> Polynomial:
 
 def _entry(i: int, j: int) -> str:
     return f"df{i + 1}_dz{j + 1}"
+
+
+def _varying(lower: np.ndarray, upper: np.ndarray) -> list[tuple[int, int]]:
+    return [(int(i), int(j)) for i, j in np.argwhere(lower < upper)]

@@ -80,8 +80,8 @@ class Balanced:
         if not V.shape[1]:
             return np.zeros(0, complex), np.zeros((len(self.scale), 0), complex)
         X = np.linalg.lstsq(np.hstack([V, self.E]), self.A @ V, rcond=None)[0][: V.shape[1]]
-        values, inner = np.linalg.eig(X)
-        values = np.where(abs(values.imag) <= _SPLIT * self.size, values.real, values)
+        values, inner = np.linalg.eig(X.astype(complex))
+        values = np.where(abs(np.imag(values)) <= _SPLIT * self.size, np.real(values), values)
         directions = self.scale[:, None] * (V @ inner)
         return values.astype(complex), directions / np.linalg.norm(directions, axis=0)
 

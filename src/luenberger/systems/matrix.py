@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -45,7 +46,8 @@ def plant_matrix(name: str, value: Any, rows: int, columns: int, known: Sequence
         because: where the wanted shape comes from.
 
     Raises:
-        BadInput: wrong shape, a coefficient that is not finite, or an unknown parameter.
+        BadInput: wrong shape, a coefficient that is not finite, a function that returns another shape than it declares, or an
+            unknown parameter.
     """
     if value is None:
         value = np.zeros((rows, columns))
@@ -53,6 +55,8 @@ def plant_matrix(name: str, value: Any, rows: int, columns: int, known: Sequence
         value = Polynomial.constant(finite_array(name, value))
     elif isinstance(value, Polynomial):
         value = value.map(lambda c: finite_array(name, c))
+    elif (made := jax.eval_shape(value, dict.fromkeys(value.names, 0.0)).shape) != tuple(value.shape):
+        raise BadInput(f"The function of `{name}` returns shape {made} but declares {value.shape}; both need to agree.")
     if tuple(value.shape) != (rows, columns):
         raise BadInput(f"`{name}` has shape {tuple(value.shape)} but {because}; `{name}` needs shape ({rows}, {columns}).")
     if unknown := [n for n in value.names if n not in known]:

@@ -54,9 +54,9 @@ class Mode:
 
     @property
     def value(self) -> str:
-        """Eigenvalue with its unit."""
+        """Eigenvalue with its unit; an oscillation stands for its conjugate pair."""
         z = self.eigenvalue
-        number = f"{z.real:.3g}" if z.imag == 0 else f"{z.real:.3g} {'+' if z.imag > 0 else '-'} {abs(z.imag):.3g}j"
+        number = f"{z.real:.3g}" if z.imag == 0 else f"{z.real:.3g} +/- {abs(z.imag):.3g}j"
         return f"{number} 1/s" if self.dt is None else f"{number} a step"
 
 

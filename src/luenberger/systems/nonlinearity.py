@@ -70,7 +70,7 @@ class Nonlinearity(eqx.Module):
                 )
         if lipschitz is not None and not (np.isfinite(lipschitz) and lipschitz >= 0):
             raise BadInput(f"`lipschitz` is {lipschitz}; a finite constant >= 0 is needed.")
-        box = None if domain is None else (finite_array("domain lower", domain[0]), finite_array("domain upper", domain[1]))
+        box = None if domain is None else _state_box(domain, H.shape[1])
         return Nonlinearity(function, H, size, lower, upper, lipschitz, box)
 
     @staticmethod
@@ -89,7 +89,7 @@ class Nonlinearity(eqx.Module):
             BadInput: H does not pick single states, the box is inverted, or the function cannot be read.
         """
         H = matrix("H", H)
-        lower, upper = finite_array("domain lower", domain[0]), finite_array("domain upper", domain[1])
+        lower, upper = _state_box(domain, H.shape[1])
         if not ((H == 0) | (H == 1)).all() or (H.sum(axis=1) != 1).any():
             raise BadInput("`H` needs one 1 in each row, zeros elsewhere, so that the state box is a box of H x.")
         found = enclose_jacobian(lambda z: jnp.atleast_1d(function(z, jnp.zeros(0))), H @ lower, H @ upper, tolerance=tolerance)
@@ -108,3 +108,13 @@ class Nonlinearity(eqx.Module):
             return float(self.lipschitz)
         assert self.jacobian_lower is not None and self.jacobian_upper is not None
         return float(np.linalg.norm(np.maximum(abs(self.jacobian_lower), abs(self.jacobian_upper)), 2))
+
+
+def _state_box(domain: tuple[Any, Any], nx: int) -> tuple[np.ndarray, np.ndarray]:
+    lower, upper = finite_array("domain lower", domain[0]), finite_array("domain upper", domain[1])
+    if lower.shape != (nx,) or upper.shape != (nx,):
+        raise BadInput(f"`domain` has shapes {lower.shape} and {upper.shape} but `H` has {nx} columns; both need ({nx},).")
+    if (lower > upper).any():
+        k = int(np.argmax(lower > upper))
+        raise BadInput(f"`domain` gives state {k} the interval [{lower[k]}, {upper[k]}]; lower <= upper is needed.")
+    return lower, upper

@@ -136,7 +136,8 @@ def checked_decay(decay_rate: float) -> float:
     """
     if not (math.isfinite(decay_rate) and decay_rate >= 0):
         raise BadInput(
-            f"`decay_rate` is {decay_rate} 1/s, an indefinite request; give a finite rate >= 0, 0.0 for convergence alone."
+            f"`decay_rate` is {decay_rate} 1/s, an indefinite request; give a finite rate >= 0, "
+            "0.0 for convergence alone."
         )
     return float(decay_rate)
 
@@ -144,8 +145,8 @@ def checked_decay(decay_rate: float) -> float:
 def _refuse_nonlinear(system: System, linear_part: bool) -> None:
     if system.nonlinearity is not None and not linear_part:
         raise BadInput(
-            f"`{system.name}` has a nonlinearity and its observability depends on the state; pass `linear_part=True` to look "
-            "at A alone, or ask `detectability`, which uses the bounds of the nonlinearity."
+            f"`{system.name}` has a nonlinearity and its observability depends on the state; pass `linear_part=True` "
+            "to look at A alone, or ask `detectability`, which uses the bounds of the nonlinearity."
         )
 
 
@@ -153,8 +154,8 @@ def _rank_sentence(system: System, where: Mapping[str, float], rank: int, values
     verb = "is" if rank == system.nx else "is not"
     counted = int(np.sum(values > RELATIVE_TOLERANCE * values[0]))
     text = (
-        f"`{system.name}` {verb} observable{place(where)}: {rank} of {system.nx} states are shown; singular values of the "
-        f"observability matrix from {values[0]:.3g} to {values[-1]:.3g}, relative tolerance {RELATIVE_TOLERANCE:g}."
+        f"`{system.name}` {verb} observable{place(where)}: {rank} of {system.nx} states are shown; singular values of "
+        f"the observability matrix from {values[0]:.3g} to {values[-1]:.3g}, relative tolerance {RELATIVE_TOLERANCE:g}."
     )
     if counted != rank:
         text += (
@@ -188,7 +189,8 @@ def _detectable_sentence(system: System, modes: Sequence[Mode], slow: Sequence[M
         return f"`{system.name}` has no unobservable mode{at}; detectability sets no limit to the decay."
     if not slow:
         return f"Every unobservable mode of `{system.name}` dies out{faster}{at}; the slowest is {modes[0].text}."
-    return f"`{system.name}` is not detectable{f' with decay {rate:g} 1/s' if rate else ''}: {len(slow)} unobservable modes are too slow."
+    decay = f" with decay {rate:g} 1/s" if rate else ""
+    return f"`{system.name}` is not detectable{decay}: {len(slow)} unobservable mode{'s are' if len(slow) > 1 else ' is'} too slow."
 
 
 def _slow_sentence(mode: Mode, rate: float) -> str:
@@ -196,4 +198,7 @@ def _slow_sentence(mode: Mode, rate: float) -> str:
     if not mode.fades(0.0):
         return f"{start}, which does not die out; no gain lets the error converge. Add a sensor that shows it."
     law = "" if mode.dt is None else f", a decay of {mode.decay:.3g} 1/s"
-    return f"{start}{law}; decay_rate = {rate} 1/s cannot be met by any gain; ask for less than {mode.decay:.3g} 1/s or add a sensor."
+    return (
+        f"{start}{law}; decay_rate = {rate} 1/s cannot be met by any gain; "
+        f"ask for less than {mode.decay:.3g} 1/s or add a sensor."
+    )

@@ -84,8 +84,8 @@ def _answer(system: System, holds: bool, places: int) -> str:
 def _match(holds: bool, matched: bool) -> str:
     if not matched:
         return (
-            "The matching condition rank(C E) = rank(E) fails: an observer would need derivatives of y. Measure a state that "
-            "the unknown input drives directly, or bound its effect with an L2 gain instead."
+            "The matching condition rank(C E) = rank(E) fails: an observer would need derivatives of y. Measure a "
+            "state that the unknown input drives directly, or bound its effect with an L2 gain instead."
         )
     starred = ", so the plant is strong* detectable" if holds else ""
     return f"The matching condition rank(C E) = rank(E) holds{starred}."

@@ -201,7 +201,19 @@ class System(eqx.Module):
         return polynomial(letter, getattr(self, letter))
 
     def at(self, letter: str, r: Any = ()) -> Any:
-        """Return a matrix at a scheduling vector r, shape (nr,), uncertainties at their midpoints; works under JAX."""
+        """Return a matrix at a scheduling vector r, shape (nr,), uncertainties at their midpoints; works under JAX.
+
+        Args:
+            letter: one of A to G.
+            r: scheduling, shape (nr,), in the order of `scheduling_names`.
+
+        Raises:
+            BadInput: r of the wrong length.
+        """
+        if len(r) != self.nr:
+            raise BadInput(
+                f"`r` has {len(r)} entries but `{self.name}` is scheduled by {list(self.scheduling_names)}; give one for each."
+            )
         values = {name: r[k] for k, name in enumerate(self.scheduling_names)} | self.uncertainty
         return getattr(self, letter)(values)
 
@@ -241,7 +253,7 @@ class System(eqx.Module):
             lower, upper = intervals[name]
             if not lower <= value <= upper:
                 raise BadInput(f"`{name}` = {value} lies outside its interval [{lower}, {upper}]; freeze inside it.")
-        frozen = {letter: _substitute(m, values) for letter, m in self.matrices.items()}
+        frozen = {k: _substitute(m, values) for k, m in self.matrices.items() if k != "F" or self.nonlinearity is not None}
         kept = [p for p in self.parameters if p.name not in values]
         return self.replace(**frozen, parameters=kept, units={k: v for k, v in self.units.items() if k not in values})
 
@@ -252,7 +264,7 @@ class System(eqx.Module):
         if self.nonlinearity is None:
             parts["F"] = None
         known_keys("`replace`", changes, list(parts))
-        return System.build(**(parts | {k: v for k, v in changes.items() if not (k == "F" and self.nonlinearity is None)}))
+        return System.build(**(parts | changes))
 
 
 def _substitute(matrix: PlantMatrix, values: Mapping[str, float]) -> PlantMatrix:

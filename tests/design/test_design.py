@@ -1,0 +1,92 @@
+"""Designs as files: nothing is lost, damage is named, and code is never read from a file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogue import robot, scheduled_oscillator
+from luenberger.core import BadInput, NotAccepted, Outcome
+from luenberger.design import Design
+from luenberger.methods import PolytopicLuenberger, StructuredLipschitz
+from luenberger.synthesize import synthesize
+from luenberger.systems import MatrixFunction, Parameter, System
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("design") / "robot.json"
+    synthesize(robot(), StructuredLipschitz(decay_rate=1.0)).save(path)
+    return path
+
+
+def test_numbers_are_rationals_as_text(saved: Path) -> None:
+    data = json.loads(saved.read_text())
+    text = data["certificate"]["proofs"][0]["claim"]["storage"][0][0]
+    assert isinstance(text, str)
+    assert "/" in text or text.lstrip("-").isdigit()
+
+
+@pytest.mark.parametrize("spoil", ["gain", "matrix", "bound", "storage"])
+def test_spoiled_file_is_refused(saved: Path, spoil: str) -> None:
+    data = json.loads(saved.read_text())
+    if spoil == "gain":
+        data["gain"]["terms"][0]["coefficient"][1][1] = "-40"
+    elif spoil == "matrix":
+        data["system"]["matrices"]["A"]["terms"][0]["coefficient"][3][2] = "30"
+    elif spoil == "bound":
+        data["system"]["nonlinearity"]["lipschitz"] = "40"
+    else:
+        data["certificate"]["proofs"][0]["claim"]["storage"][0][0] = "1/1024"
+    changed = saved.with_name(f"{spoil}.json")
+    changed.write_text(json.dumps(data))
+    assert Design.load(changed).certify().outcome is not Outcome.PROVED
+
+
+def test_function_is_code_and_stays_out(saved: Path) -> None:
+    design = Design.load(saved)
+    with pytest.raises(BadInput, match="function="):
+        design.system.dynamics(0.0, np.zeros(4), np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("{", "not JSON"), ("[]", "no design file"), ('{"format": "luenberger design 1", "extra": 1}', "unknown key")],
+)
+def test_damaged_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=message):
+        Design.load(path)
+
+
+def test_missing_file_and_missing_part(tmp_path: Path, saved: Path) -> None:
+    with pytest.raises(BadInput, match="cannot be read"):
+        Design.load(tmp_path / "nowhere.json")
+    data = json.loads(saved.read_text())
+    del data["gain"]
+    (tmp_path / "less.json").write_text(json.dumps(data))
+    with pytest.raises(BadInput, match="damaged"):
+        Design.load(tmp_path / "less.json")
+
+
+def test_scheduled_plant_round_trip(tmp_path: Path) -> None:
+    design = synthesize(scheduled_oscillator(), PolytopicLuenberger(decay_rate=0.5))
+    design.save(tmp_path / "d.json")
+    again = Design.load(tmp_path / "d.json")
+    r = np.array([2.0, 0.3])
+    for letter in "ABCDEG":
+        np.testing.assert_array_equal(again.system.at(letter, r), design.system.at(letter, r))
+    assert again.system.parameters == design.system.parameters
+    assert again.options["decay_rate"] == 0.5
+    assert again.gain_at(stiffness=2.0, damping=0.3).shape == (2, 1)
+
+
+def test_function_matrix_has_no_text(tmp_path: Path) -> None:
+    A = MatrixFunction(lambda p: np.array([[-1.0]]) * p["r"], ("r",), (1, 1))
+    design = synthesize(System.linear([[-1.0]], C=[[1.0]]), PolytopicLuenberger())
+    plant = System.lpv(A, C=[[1.0]], parameters=[Parameter("r", 1.0, 2.0)])
+    other = Design(plant, design.gain, design.certificate, "none")
+    with pytest.raises(NotAccepted, match="JAX function"):
+        other.save(tmp_path / "d.json")
