@@ -1,6 +1,6 @@
 """Matrix polynomials, outward-rounded arithmetic, and the reader of JAX functions in other arithmetics."""
 
-from luenberger.algebra.block import block, symmetric
+from luenberger.algebra.block_matrix import block, symmetric
 from luenberger.algebra.polynomial import Polynomial
 
 __all__ = ["Polynomial", "block", "symmetric"]

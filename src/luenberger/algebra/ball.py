@@ -148,7 +148,7 @@ class Ball:
         """True where `value`, taken exactly, lies between the endpoints (they count as inside)."""
         if isinstance(value, Ball):
             return bool(self.low <= value.low and value.high <= self.high)
-        if isinstance(value, float | np.floating) and not np.isfinite(value):
+        if isinstance(value, float) and not math.isfinite(value):
             return False
         inside = value if isinstance(value, fmpq) else fmpq(*value.as_integer_ratio())
         return bool(self.lower_exact <= inside <= self.upper_exact)

@@ -8,7 +8,6 @@ from flint import arb, arb_mat, fmpq, fmpq_mat, fmpz
 from luenberger.algebra.ball import Ball
 from luenberger.algebra.endpoint import at_working_precision, number
 from luenberger.core import BadInput, Outcome
-from luenberger.core.checks import finite_array
 
 
 def exact(array: Any) -> np.ndarray:
@@ -35,7 +34,7 @@ def exact(array: Any) -> np.ndarray:
 def positive_definite(matrix: np.ndarray) -> Outcome:
     """Decide whether a symmetric matrix is positive definite; rationals are always decided.
 
-    Balls are factored as they are, then once more after a congruence with the eigenvectors of the midpoint, which
+    Balls are factored as they are, then once more after a congruence with the Cholesky factor of the midpoint, which
     keeps the intervals from growing during the elimination.
 
     Args:
@@ -139,7 +138,7 @@ def _pivots_in_balls(entries: list[list[arb]]) -> Outcome:
 
 @at_working_precision
 def _scaled(entries: list[list[arb]]) -> Outcome:
-    """Prove after a congruence that turns the midpoint into nearly the identity, or refute along its worst direction."""
+    """Prove after a congruence that turns the midpoint into nearly the identity, or refute along one direction."""
     n = len(entries)
     full = [[entries[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
     middle = np.array([[float(x.mid()) for x in row] for row in full])
@@ -149,7 +148,10 @@ def _scaled(entries: list[list[arb]]) -> Outcome:
     if values[0] <= 0:
         v = arb_mat(1, n, vectors[:, 0].tolist())
         return Outcome.REFUTED if (v * arb_mat(full) * v.transpose())[0, 0] <= 0 else Outcome.UNDECIDED
-    scaling = arb_mat((vectors / np.sqrt(values)).T.tolist())
+    try:
+        scaling = arb_mat(np.linalg.inv(np.linalg.cholesky(middle)).tolist())
+    except np.linalg.LinAlgError:
+        return Outcome.UNDECIDED
     outcome = _pivots_in_balls((scaling * arb_mat(full) * scaling.transpose()).tolist())
     return outcome if outcome is Outcome.PROVED else Outcome.UNDECIDED
 

@@ -90,7 +90,9 @@ class Polynomial:
         if tuple(names) == self.names:
             return self
         if missing := [name for name in self.names if name not in names]:
-            raise BadInput(f"The polynomial depends on {missing}, which {tuple(names)} leaves out; name every parameter.")
+            raise BadInput(
+                f"The polynomial depends on {missing}, which {tuple(names)} leaves out; name every parameter."
+            )
         place = [tuple(names).index(name) for name in self.names]
         terms: dict[Exponents, Any] = {}
         for exponents, coefficient in self.terms.items():
@@ -157,7 +159,9 @@ class Polynomial:
         """
         gone = set(values if drop is None else drop)
         if drop is not None and (missing := set(self.names) - gone):
-            raise BadInput(f"No value is given for {sorted(missing)}; evaluate with one value for each of {self.names}.")
+            raise BadInput(
+                f"No value is given for {sorted(missing)}; evaluate with one value for each of {self.names}."
+            )
         kept = [k for k, name in enumerate(self.names) if name not in gone]
         terms: dict[Exponents, Any] = {}
         for exponents, coefficient in self.terms.items():
@@ -175,7 +179,7 @@ class Polynomial:
         if k < 0 or not any(e[k] for e in self.terms):
             return Polynomial(self.names, {e: c * 0 for e, c in list(self.terms.items())[:1]})
         terms = {
-            e[:k] + (e[k] - 1,) + e[k + 1 :]: coefficient * e[k] for e, coefficient in self.terms.items() if e[k] > 0
+            (*e[:k], e[k] - 1, *e[k + 1 :]): coefficient * e[k] for e, coefficient in self.terms.items() if e[k] > 0
         }
         return Polynomial(self.names, terms)
 
@@ -199,11 +203,15 @@ class Polynomial:
         if missing := [n for n, d in true.items() if d and n not in box]:
             raise BadInput(f"The box gives no interval for {missing}; it needs one for each of {self.names}.")
         extra = degree if isinstance(degree, int) else 0
-        wanted = {n: (degree.get(n, d) if isinstance(degree, Mapping) else d + extra * (d > 0)) for n, d in true.items()}
+        wanted = {
+            n: (degree.get(n, d) if isinstance(degree, Mapping) else d + extra * (d > 0)) for n, d in true.items()
+        }
         if low := [n for n in true if wanted[n] < true[n]]:
             raise BadInput(f"Bernstein degree {wanted} is below the polynomial degree {true} for {low}; raise it.")
         axes = [
-            _axis_weights(wanted[n], true[n], *map(fraction, box[n])) if true[n] else ((Fraction(1),),) * (wanted[n] + 1)
+            _axis_weights(wanted[n], true[n], *map(fraction, box[n]))
+            if true[n]
+            else ((Fraction(1),),) * (wanted[n] + 1)
             for n in self.names
         ]
         scalar = fraction_as_float if not self._is_exact else as_fmpq
@@ -223,7 +231,7 @@ class Polynomial:
 
     @property
     def _is_exact(self) -> bool:
-        return any(isinstance(c, np.ndarray) and c.dtype == object for c in self.terms.values())
+        return any(getattr(c, "dtype", None) == np.dtype(object) for c in self.terms.values())
 
     def __iter__(self) -> Iterator[tuple[Exponents, Any]]:
         return iter(self.terms.items())
@@ -237,11 +245,16 @@ def _unflatten(form: tuple[tuple[str, ...], tuple[Exponents, ...]], leaves: Sequ
     polynomial = object.__new__(Polynomial)
     polynomial.names = form[0]
     polynomial.terms = dict(zip(form[1], leaves, strict=True))
-    polynomial.shape = tuple(getattr(leaves[0], "shape", ())) if leaves else ()
+    shape: Any = getattr(leaves[0], "shape", ()) if leaves else ()
+    polynomial.shape = shape
     return polynomial
 
 
-jax.tree_util.register_pytree_node(Polynomial, lambda p: (tuple(p.terms.values()), (p.names, tuple(p.terms))), _unflatten)
+def _flatten(polynomial: Polynomial) -> tuple[tuple[Any, ...], tuple[tuple[str, ...], tuple[Exponents, ...]]]:
+    return tuple(polynomial.terms.values()), (polynomial.names, tuple(polynomial.terms))
+
+
+jax.tree_util.register_pytree_node(Polynomial, _flatten, _unflatten)  # pyright: ignore[reportUnknownMemberType]
 
 
 def _matrix(coefficient: Any) -> Any:

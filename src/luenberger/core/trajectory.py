@@ -163,7 +163,9 @@ class Trajectory:
             raise BadInput(f"`dt` is {dt}; a positive step in seconds is needed.")
         count = int(np.floor((self.time[-1] - self.time[0]) / dt + 1e-9)) + 1
         if count < 2:
-            raise BadInput(f"`{self.name}` lasts {self.time[-1] - self.time[0]:g} s, less than one step dt = {dt:g} s; take a finer one.")
-        grid = self.time[0] + dt * np.arange(count)
+            raise BadInput(
+                f"`{self.name}` lasts {self.time[-1] - self.time[0]:g} s, less than one step dt = {dt:g} s; take a finer one."
+            )
+        grid = np.asarray(self.time[0] + dt * np.arange(count), dtype=np.float64)
         again = [Signal(s.name, s.unit, np.interp(grid, self.time, s.values), s.description) for s in self.signals]
         return Trajectory(grid, again, self.name, self.source)

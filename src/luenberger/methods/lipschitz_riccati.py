@@ -76,8 +76,12 @@ class LipschitzRiccati:
         plant = LumpedPlant.of(system, self.transform)
         P = storage_at(plant, self.epsilon) if self.route == "riccati" else _storage_by_sdp(plant, self.epsilon)
         if P is None:
-            raise infeasible(storage_problem(plant, self.epsilon)[0], "epsilon", self.epsilon, "", feasible_epsilon(plant))
-        return lumped_candidate(system, plant, P, self.epsilon, self.route, start)
+            raise infeasible(
+                storage_problem(plant, self.epsilon)[0], "epsilon", self.epsilon, "", feasible_epsilon(plant)
+            )
+        Q = plant.lipschitz**2 * np.eye(plant.nx) - plant.C.T @ plant.C / self.epsilon
+        residual = float(np.abs(riccati_residual(P, plant.A, np.eye(plant.nx), Q)).max())
+        return lumped_candidate(system, plant, P, self.epsilon, self.route, start, residual=residual)
 
 
 def require_lumped(system: System, transform: Transform, route: str) -> None:
@@ -116,11 +120,9 @@ def lumped_candidate(
         more: claims beyond decay and gain bound, from the rounded gain.
         statistics: further entries for the record.
     """
-    Q = plant.lipschitz**2 * np.eye(plant.nx) - plant.C.T @ plant.C / epsilon
     facts = {
         "solver": "Riccati equation" if route == "riccati" else "semidefinite programme",
         "solver_seconds": time.perf_counter() - start,
-        "residual": float(np.abs(riccati_residual(P, plant.A, np.eye(plant.nx), Q)).max()) if not statistics else 0.0,
         "smallest_eigenvalue": float(np.linalg.eigvalsh(P)[0]),
         "lipschitz": plant.lipschitz,
         "epsilon": epsilon,
@@ -147,7 +149,9 @@ def decay_claim(system: System, gain: Polynomial) -> Claim:
     for part in (0.95, 0.8, 0.5, 0.1, 0.0):
         if (found := decay_storage(system, gain, part * best)) is not None:
             return Claim("decay", part * best, *found)
-    raise NotCertified(f"A gain for `{system.name}` was found, but no storage matrix shows its stability; ask for more margin (a smaller epsilon).")
+    raise NotCertified(
+        f"A gain for `{system.name}` was found, but no storage matrix shows its stability; ask for more margin (a smaller epsilon)."
+    )
 
 
 def gain_claim(gain: np.ndarray) -> Claim:

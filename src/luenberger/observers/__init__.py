@@ -1,0 +1,21 @@
+"""What runs: two pure functions, `init` and `step`, for every observer and every baseline."""
+
+from luenberger.observers.anchor import AlgebraicEstimate, zero_estimate
+from luenberger.observers.correction import CorrectionObserver, substeps_needed
+from luenberger.observers.gaussian import Belief
+from luenberger.observers.kalman import ExtendedKalmanFilter, KalmanFilter
+from luenberger.observers.observer import Estimate, Observer
+from luenberger.observers.unscented import UnscentedKalmanFilter
+
+__all__ = [
+    "AlgebraicEstimate",
+    "Belief",
+    "CorrectionObserver",
+    "Estimate",
+    "ExtendedKalmanFilter",
+    "KalmanFilter",
+    "Observer",
+    "UnscentedKalmanFilter",
+    "substeps_needed",
+    "zero_estimate",
+]

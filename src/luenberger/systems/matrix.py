@@ -58,9 +58,13 @@ def plant_matrix(name: str, value: Any, rows: int, columns: int, known: Sequence
     elif (made := jax.eval_shape(value, dict.fromkeys(value.names, 0.0)).shape) != tuple(value.shape):
         raise BadInput(f"The function of `{name}` returns shape {made} but declares {value.shape}; both need to agree.")
     if tuple(value.shape) != (rows, columns):
-        raise BadInput(f"`{name}` has shape {tuple(value.shape)} but {because}; `{name}` needs shape ({rows}, {columns}).")
+        raise BadInput(
+            f"`{name}` has shape {tuple(value.shape)} but {because}; `{name}` needs shape ({rows}, {columns})."
+        )
     if unknown := [n for n in value.names if n not in known]:
-        raise BadInput(f"`{name}` depends on {unknown}, which the plant does not declare; add a `Parameter` with its interval.")
+        raise BadInput(
+            f"`{name}` depends on {unknown}, which the plant does not declare; add a `Parameter` with its interval."
+        )
     return value
 
 
@@ -72,4 +76,6 @@ def polynomial(name: str, value: PlantMatrix) -> Polynomial:
     """
     if isinstance(value, Polynomial):
         return value
-    raise NotAccepted(f"`{name}` is given as a function of {value.names}; this method needs polynomial matrices. Use a grid method.")
+    raise NotAccepted(
+        f"`{name}` is given as a function of {value.names}; this method needs polynomial matrices. Use a grid method."
+    )

@@ -80,7 +80,7 @@ class Nonlinearity(eqx.Module):
         """Prove a Jacobian box of `function` over a state box by ball arithmetic and subdivision.
 
         Args:
-            function: JAX function of z = H x alone or of (z, u); u is taken as absent (zero length).
+            function: JAX function of (z, u) with z = H x; its Jacobian is bounded with u absent (zero length).
             H: selection of the states that enter, shape (nz, nx); each row picks one state.
             domain: state box (lower, upper), each (nx,).
             tolerance: wanted relative overestimation of the box.
@@ -92,10 +92,10 @@ class Nonlinearity(eqx.Module):
         lower, upper = _state_box(domain, H.shape[1])
         if not ((H == 0) | (H == 1)).all() or (H.sum(axis=1) != 1).any():
             raise BadInput("`H` needs one 1 in each row, zeros elsewhere, so that the state box is a box of H x.")
-        found = enclose_jacobian(lambda z: jnp.atleast_1d(function(z, jnp.zeros(0))), H @ lower, H @ upper, tolerance=tolerance)
-        return Nonlinearity(
-            function, H, found.lower.shape[0], found.lower, found.upper, None, (lower, upper), "proved"
+        found = enclose_jacobian(
+            lambda z: jnp.atleast_1d(function(z, jnp.zeros(0))), H @ lower, H @ upper, tolerance=tolerance
         )
+        return Nonlinearity(function, H, found.lower.shape[0], found.lower, found.upper, None, (lower, upper), "proved")
 
     def __call__(self, x: Any, u: Any) -> jax.Array:
         """Return f(H x, u), shape (nf,)."""
@@ -106,14 +106,17 @@ class Nonlinearity(eqx.Module):
         """A constant g with |f(z1) - f(z2)| <= g |z1 - z2|: the declared one, or the norm of the Jacobian box."""
         if self.lipschitz is not None:
             return float(self.lipschitz)
-        assert self.jacobian_lower is not None and self.jacobian_upper is not None
+        assert self.jacobian_lower is not None
+        assert self.jacobian_upper is not None
         return float(np.linalg.norm(np.maximum(abs(self.jacobian_lower), abs(self.jacobian_upper)), 2))
 
 
 def _state_box(domain: tuple[Any, Any], nx: int) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = finite_array("domain lower", domain[0]), finite_array("domain upper", domain[1])
     if lower.shape != (nx,) or upper.shape != (nx,):
-        raise BadInput(f"`domain` has shapes {lower.shape} and {upper.shape} but `H` has {nx} columns; both need ({nx},).")
+        raise BadInput(
+            f"`domain` has shapes {lower.shape} and {upper.shape} but `H` has {nx} columns; both need ({nx},)."
+        )
     if (lower > upper).any():
         k = int(np.argmax(lower > upper))
         raise BadInput(f"`domain` gives state {k} the interval [{lower[k]}, {upper[k]}]; lower <= upper is needed.")

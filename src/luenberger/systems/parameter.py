@@ -38,7 +38,9 @@ class Parameter:
                 f"Parameter `{self.name}` has the interval [{self.lower}, {self.upper}] {self.unit}; finite ends with lower <= upper are needed."
             )
         if (self.rate is not None and not self.rate >= 0) or not self.error >= 0:
-            raise BadInput(f"Parameter `{self.name}` has rate {self.rate} and error {self.error}; both need to be >= 0.")
+            raise BadInput(
+                f"Parameter `{self.name}` has rate {self.rate} and error {self.error}; both need to be >= 0."
+            )
 
     @property
     def middle(self) -> float:

@@ -50,7 +50,9 @@ class System(eqx.Module):
         return System.build(A, B, C, D, **options)
 
     @staticmethod
-    def lpv(A: Any, B: Any = None, C: Any = None, D: Any = None, *, parameters: Sequence[Parameter], **options: Any) -> "System":
+    def lpv(
+        A: Any, B: Any = None, C: Any = None, D: Any = None, *, parameters: Sequence[Parameter], **options: Any
+    ) -> "System":
         """Return a plant whose matrices depend on named parameters; see `System.build` for the options."""
         return System.build(A, B, C, D, parameters=parameters, **options)
 
@@ -124,7 +126,9 @@ class System(eqx.Module):
             D=plant_matrix("D", D, ny, nu, names, f"the system has {ny} outputs and {nu} inputs"),
             E=plant_matrix("E", E, nx, nd, names, have),
             F=plant_matrix("F", F, nx, nf, names, f"{have} and the nonlinearity {nf} outputs"),
-            G=plant_matrix("G", np.eye(ny) if G is None else G, ny, _columns("G", G, ny), names, f"the system has {ny} outputs"),
+            G=plant_matrix(
+                "G", np.eye(ny) if G is None else G, ny, _columns("G", G, ny), names, f"the system has {ny} outputs"
+            ),
             nonlinearity=nonlinearity,
             parameters=tuple(parameters),
             dt=dt,
@@ -253,7 +257,9 @@ class System(eqx.Module):
             lower, upper = intervals[name]
             if not lower <= value <= upper:
                 raise BadInput(f"`{name}` = {value} lies outside its interval [{lower}, {upper}]; freeze inside it.")
-        frozen = {k: _substitute(m, values) for k, m in self.matrices.items() if k != "F" or self.nonlinearity is not None}
+        frozen = {
+            k: _substitute(m, values) for k, m in self.matrices.items() if k != "F" or self.nonlinearity is not None
+        }
         kept = [p for p in self.parameters if p.name not in values]
         return self.replace(**frozen, parameters=kept, units={k: v for k, v in self.units.items() if k not in values})
 

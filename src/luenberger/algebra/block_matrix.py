@@ -52,7 +52,9 @@ def block(rows: Sequence[Sequence[Any]], heights: Sequence[int] = (), widths: Se
             if item is None:
                 continue
             if item.shape != (tall[i], wide[j]):
-                raise BadInput(f"Block ({i}, {j}) has shape {item.shape}; its row and column need {(tall[i], wide[j])}.")
+                raise BadInput(
+                    f"Block ({i}, {j}) has shape {item.shape}; its row and column need {(tall[i], wide[j])}."
+                )
             placed = item.map(_placer(sum(tall[:i]), sum(wide[:j]), sum(tall), sum(wide)))
             total = placed if total is None else total + placed
     if total is None:
@@ -76,8 +78,8 @@ def _placer(top: int, left: int, rows: int, columns: int) -> Callable[[Any], Any
 
     def place(matrix: Any) -> Any:
         height, width = matrix.shape
-        if isinstance(matrix, np.ndarray):
-            out = np.zeros((rows, columns), dtype=matrix.dtype)
+        if type(matrix) is np.ndarray:
+            out: Any = np.zeros_like(matrix, shape=(rows, columns))
             out[top : top + height, left : left + width] = matrix
             return out
         # Selection matrices work for every foreign matrix type, so cvxpy need not be known here.

@@ -1,0 +1,71 @@
+"""One line of the comparison of a published paper with this library."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Verdict(Enum):
+    """What became of a printed number or claim. `value` is the word for tables."""
+
+    REPRODUCED = "reproduced"
+    CORRECTED = "corrected"
+    NOT_REPRODUCIBLE = "not reproducible"
+
+    @property
+    def sentence(self) -> str:
+        """What this verdict means, in one sentence."""
+        return {
+            Verdict.REPRODUCED: "The printed number or claim was obtained here from the printed data.",
+            Verdict.CORRECTED: "The print does not hold as it stands; the reason says what holds instead and how that is known.",
+            Verdict.NOT_REPRODUCIBLE: "The print cannot be checked or obtained; the reason says why.",
+        }[self]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One printed item beside our own.
+
+    Args:
+        item: what is compared.
+        equation: where it stands in the paper.
+        printed: what is printed, "-" where nothing is.
+        ours: what was computed here.
+        verdict: how the two compare.
+        reason: why, with the kind of evidence.
+        deviation: largest absolute difference in the printed unit, None where nothing numeric is compared.
+    """
+
+    item: str
+    equation: str
+    printed: str
+    ours: str
+    verdict: Verdict
+    reason: str
+    deviation: float | None = None
+
+
+def judged(
+    item: str,
+    equation: str,
+    printed: str,
+    ours: str,
+    reason: str,
+    *,
+    reproduced: bool,
+    corrected: bool = False,
+    deviation: float | None = None,
+) -> Row:
+    """Return a row whose verdict follows from what was computed.
+
+    Args:
+        item: what is compared.
+        equation: where it stands in the paper.
+        printed: what is printed.
+        ours: what was computed here.
+        reason: why, with the kind of evidence.
+        reproduced: the print holds here.
+        corrected: it does not, and what holds instead was shown.
+        deviation: largest absolute difference, where numbers are compared.
+    """
+    verdict = Verdict.REPRODUCED if reproduced else Verdict.CORRECTED if corrected else Verdict.NOT_REPRODUCIBLE
+    return Row(item, equation, printed, ours, verdict, reason, deviation)

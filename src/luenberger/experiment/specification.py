@@ -1,0 +1,142 @@
+"""An experiment as a TOML file: read whole, checked whole, before anything is computed."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from luenberger.core import BadInput
+from luenberger.core.checks import known_keys, nearest
+
+DATA = Path(__file__).parent / "data"
+CHANNELS = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration")
+_KEYS = {
+    "the experiment": ("title", "log", "vehicle", "domain", "sensors", "score", "fit", "entrants"),
+    "[log]": ("path", "attribution", "time", "sample_time", "start", "stop", "channels"),
+    "[vehicle]": ("parameters", "mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "front_stiffness", "rear_stiffness"),
+    "[domain]": ("speed", "acceleration"),
+    "[sensors]": ("seed", *CHANNELS),
+    "[score]": ("skip",),
+    "[fit]": ("share", "evaluations"),
+}
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What an experiment file says.
+
+    Args:
+        title: headline of the page.
+        path: the log, absolute.
+        attribution: where the log comes from, shown on the page.
+        time: time column and unit.
+        channels: our name -> column, unit, scale for `read_log`.
+        sample_time: uniform step [s] the log is brought to.
+        cut: (start, stop) [s] of the log, None for its ends.
+        vehicle: parameter set and changes.
+        speed: interval of the speed [m/s] the designs trust.
+        acceleration: interval of dvx/dt [m/s^2] the designs trust.
+        noise: standard deviation of white noise added to a measured channel, SI.
+        seed: seed of that noise.
+        skip: seconds at the start that are not scored, for everybody.
+        fit_share: share of the log every entrant is tuned on, None for no tuning; the rest is scored.
+        evaluations: how often each entrant may be replayed while tuning.
+        entrants: name -> kind and options.
+    """
+
+    title: str
+    path: Path
+    attribution: str
+    time: Mapping[str, Any]
+    channels: Mapping[str, Mapping[str, Any]]
+    sample_time: float
+    cut: tuple[float | None, float | None]
+    vehicle: Mapping[str, Any]
+    speed: tuple[float, float]
+    acceleration: tuple[float, float]
+    noise: Mapping[str, float]
+    seed: int
+    skip: float
+    fit_share: float | None
+    evaluations: int
+    entrants: Mapping[str, Mapping[str, Any]]
+
+
+def read_specification(path: str | Path) -> Specification:
+    """Read and check an experiment file.
+
+    Args:
+        path: TOML file; a log path in it is relative to it, or the name of a log that ships with the package.
+
+    Raises:
+        BadInput: no such file, not TOML, unknown key (the nearest known one is named), missing part, bad interval.
+    """
+    path = Path(path)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as cause:
+        raise BadInput(f"`{path}` cannot be read ({cause.strerror}); give the path of an experiment file.") from None
+    except tomllib.TOMLDecodeError as cause:
+        raise BadInput(f"`{path}` is not TOML: {cause}. Correct that line.") from None
+    known_keys(f"`{path.name}`", data, _KEYS["the experiment"])
+    for section in ("log", "vehicle", "domain", "sensors", "score", "fit"):
+        known_keys(f"[{section}] of `{path.name}`", data.get(section, {}), _KEYS[f"[{section}]"])
+    log, domain, fit = _part(data, "log", path), _part(data, "domain", path), data.get("fit")
+    channels = _part(log, "channels", path, "[log]")
+    if missing := [c for c in CHANNELS if c not in channels]:
+        raise BadInput(f"[log.channels] of `{path.name}` lacks {missing}; the experiment needs {', '.join(CHANNELS)}.")
+    sensors = dict(data.get("sensors", {}))
+    return Specification(
+        title=str(data.get("title", path.stem)),
+        path=_log_path(str(_part(log, "path", path, "[log]")), path),
+        attribution=str(log.get("attribution", "")),
+        time=_part(log, "time", path, "[log]"),
+        channels=channels,
+        sample_time=_positive(log.get("sample_time", 0.01), "sample_time", "s"),
+        cut=(log.get("start"), log.get("stop")),
+        vehicle=_part(data, "vehicle", path),
+        speed=_interval(_part(domain, "speed", path, "[domain]"), "speed", "m/s", positive=True),
+        acceleration=_interval(_part(domain, "acceleration", path, "[domain]"), "acceleration", "m/s^2"),
+        noise={k: _positive(v, f"sensors.{k}", "SI", zero=True) for k, v in sensors.items() if k != "seed"},
+        seed=int(sensors.get("seed", 0)),
+        skip=_positive(data.get("score", {}).get("skip", 0.0), "skip", "s", zero=True),
+        fit_share=None if fit is None else _share(fit.get("share", 0.5)),
+        evaluations=0 if fit is None else int(_positive(fit.get("evaluations", 100), "evaluations", "runs")),
+        entrants=_part(data, "entrants", path),
+    )
+
+
+def _part(data: Mapping[str, Any], key: str, path: Path, where: str = "The file") -> Any:
+    if key not in data:
+        raise BadInput(f"{where} of `{path.name}` has no `{key}`; add it.{nearest(key, data)}")
+    return data[key]
+
+
+def _log_path(text: str, spec: Path) -> Path:
+    candidates = [DATA / text, (spec.parent / text).resolve()]
+    found = next((c for c in candidates if c.is_file()), None)
+    if found is None:
+        shipped = ", ".join(sorted(p.name for p in DATA.glob("*.csv")))
+        raise BadInput(f"The log `{text}` is neither beside `{spec.name}` nor shipped with the package ({shipped}); correct [log] path.")
+    return found
+
+
+def _interval(value: Any, name: str, unit: str, positive: bool = False) -> tuple[float, float]:
+    good = isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value) and value[0] < value[1]
+    if not good or (positive and value[0] <= 0):
+        needed = f"two increasing {'positive ' if positive else ''}numbers [lower, upper] in {unit}"
+        raise BadInput(f"[domain] {name} is {value!r}; {needed} are needed.")
+    return float(value[0]), float(value[1])
+
+
+def _positive(value: Any, name: str, unit: str, zero: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (value > 0 or (zero and value == 0)):
+        raise BadInput(f"`{name}` is {value!r}; a {'number >= 0' if zero else 'positive number'} in {unit} is needed.")
+    return float(value)
+
+
+def _share(value: Any) -> float:
+    if not isinstance(value, int | float) or not 0 < value < 1:
+        raise BadInput(f"[fit] share is {value!r}; a share of the log between 0 and 1 is needed, the rest is scored.")
+    return float(value)
