@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import cvxpy as cp
@@ -156,8 +156,8 @@ def test_multi_affine_coefficients_are_the_vertex_values(p: Polynomial) -> None:
 def test_degree_elevation_tightens_monotonically(p: Polynomial) -> None:
     upper = [max(c[0, 0] for c in p.bernstein(BOX, extra).values()) for extra in range(5)]
     lower = [min(c[0, 0] for c in p.bernstein(BOX, extra).values()) for extra in range(5)]
-    assert all(after <= before + ROUNDOFF for before, after in zip(upper, upper[1:], strict=False))
-    assert all(after >= before - ROUNDOFF for before, after in zip(lower, lower[1:], strict=False))
+    assert all(after <= before + ROUNDOFF for before, after in pairwise(upper))
+    assert all(after >= before - ROUNDOFF for before, after in pairwise(lower))
 
 
 def test_elevation_converges_to_the_range() -> None:

@@ -53,5 +53,5 @@ def test_nearest_guesses_or_lists() -> None:
 
 def test_known_keys_passes_what_is_known() -> None:
     known_keys("`units`", ["a"], ["a", "b"])
-    with pytest.raises(BadInput, match="`units` has the unknown key `spede`. Did you mean `speed`"):
+    with pytest.raises(BadInput, match=r"`units` has the unknown key `spede`\. Did you mean `speed`"):
         known_keys("`units`", ["speed", "spede"], ["speed"])

@@ -57,7 +57,7 @@ def test_missing_samples_are_kept() -> None:
 
 
 def test_a_missing_channel_gets_the_nearest_hint() -> None:
-    with pytest.raises(BadInput, match="no channel `yawrate`. Did you mean `yaw_rate`"):
+    with pytest.raises(BadInput, match=r"no channel `yawrate`\. Did you mean `yaw_rate`"):
         drive()["yawrate"]
 
 
@@ -98,7 +98,7 @@ def test_container_habits() -> None:
     assert "speed" in trajectory
     assert "brake" not in trajectory
     # Equality is identity: comparing arrays inside would be ambiguous.
-    assert trajectory == trajectory  # noqa: PLR0124
+    assert trajectory == trajectory
     assert trajectory != drive()
 
 

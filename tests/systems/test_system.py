@@ -179,7 +179,7 @@ def test_freezing_outside_the_interval_is_refused(value: float) -> None:
 
 
 def test_freezing_an_unknown_parameter_gets_a_hint() -> None:
-    with pytest.raises(BadInput, match="unknown key `vxx`. Did you mean `vx`"):
+    with pytest.raises(BadInput, match=r"unknown key `vxx`\. Did you mean `vx`"):
         scheduled().freeze(vxx=10.0)
 
 

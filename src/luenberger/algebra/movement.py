@@ -52,15 +52,13 @@ def moved(equation: Any, operands: list[Any]) -> list[np.ndarray]:
     """
     name, parameters = equation.primitive.name, equation.params
     addresses = range(len(operands))[MOVEMENTS[name]]
-    if any(operands[k].dtype == object for k in addresses):
-        raise BadInput(
-            f"The function uses `{name}` with an index that depends on its arguments; an index needs to be known when the "
-            "function is read. Write a table look-up as a sum of ramps or with `jnp.where`."
-        )
+    for k in addresses:
+        _need_known_address(name, operands[k])
     shortcut = _SHORTCUTS.get(name)
     if shortcut is not None:
         found = shortcut(parameters, *operands)
-        return found if isinstance(found, list) else [found]
+        # NumPy hands out single elements where an array without axes is meant.
+        return found if isinstance(found, list) else [np.asarray(found)]
     return replayed(equation, operands)
 
 
@@ -91,6 +89,7 @@ def replayed(equation: Any, operands: list[Any]) -> list[np.ndarray]:
 def additions(equation: Any, operands: list[Any]) -> np.ndarray:
     """Return the 0-1 matrix (updates, targets) that says which update of a scatter-add lands on which target."""
     target, indices, updates = operands
+    _need_known_address("scatter-add", indices)
     rows: list[np.ndarray] = []
     for k in range(updates.size):
         one = np.zeros(updates.size)
@@ -98,6 +97,14 @@ def additions(equation: Any, operands: list[Any]) -> np.ndarray:
         landed = equation.primitive.bind(np.zeros(target.shape), indices, one.reshape(updates.shape), **equation.params)
         rows.append(np.asarray(landed).ravel() != 0)
     return np.array(rows).reshape(updates.size, target.size)
+
+
+def _need_known_address(name: str, address: np.ndarray) -> None:
+    if address.dtype == object:
+        raise BadInput(
+            f"The function uses `{name}` with an index that depends on its arguments; an index needs to be known when "
+            "the function is read. Write a table look-up as a sum of ramps or with `jnp.where`."
+        )
 
 
 def _broadcast(parameters: Parameters, x: np.ndarray) -> np.ndarray:

@@ -36,12 +36,15 @@ def written(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.ndarr
     Args:
         graph: where operations are added.
         equation: of a jaxpr, with one output.
-        operands: object arrays of elements.
+        operands: numeric arrays where known, else object arrays of elements.
 
     Raises:
         BadInput: the primitive has no meaning for scalars.
     """
-    return _WRITERS.get(equation.primitive.name, _elementwise)(graph, equation, operands)
+    if equation.primitive.name in ("scatter-add", "scatter_add"):
+        return _scatter_add(graph, equation, operands)
+    elements = [x.astype(object) for x in operands]
+    return _WRITERS.get(equation.primitive.name, _elementwise)(graph, equation, elements)
 
 
 def each(graph: Graph, name: str, *operands: Any, static: tuple[Any, ...] = ()) -> np.ndarray:
@@ -134,7 +137,9 @@ def _reduction(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.nd
     front = np.moveaxis(operands[0], axes, tuple(range(len(axes))))
     shape = front.shape[len(axes) :]
     layers = front.reshape((int(np.prod(front.shape[: len(axes)], dtype=int)), *shape))
-    return reduce(lambda a, b: each(graph, name, a, b), layers) if len(layers) else np.full(shape, start, dtype=object)
+    if not len(layers):
+        return np.full(shape, start, dtype=object)
+    return np.asarray(reduce(lambda a, b: each(graph, name, a, b), layers), dtype=object)
 
 
 def _cumulative(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.ndarray:
@@ -167,7 +172,7 @@ def _product(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.ndar
 
 
 def _scatter_add(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.ndarray:
-    out = operands[0].flatten()
+    out = operands[0].astype(object).ravel()
     for update, landed in zip(operands[2].flat, additions(equation, operands), strict=True):
         for k in np.flatnonzero(landed):
             out[k] = graph.apply("add", out[k], update)
@@ -181,8 +186,6 @@ _WRITERS: Mapping[str, Writer] = {
     "clamp": _clamp,
     "convert_element_type": _convert,
     "dot_general": _product,
-    "scatter-add": _scatter_add,
-    "scatter_add": _scatter_add,
     **dict.fromkeys(_REDUCTIONS, _reduction),
     **dict.fromkeys(_CUMULATIVE, _cumulative),
 }

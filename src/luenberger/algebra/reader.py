@@ -53,7 +53,7 @@ class Reader:
 
     def _equation(self, equation: Any, operands: list[Any]) -> list[Any]:
         name = equation.primitive.name
-        if name in _HANDMADE:
+        if name in _HANDMADE and any(map(_is_open, operands)):
             self.handmade.add(str(equation.params.get("name", name)))
         if name in _CALLS or (name in _HANDMADE and name not in _SAME):
             return self._body(next(equation.params[key] for key in _BODIES if key in equation.params), operands)
@@ -66,7 +66,7 @@ class Reader:
         if name in MOVEMENTS and not (name == "select_n" and _is_open(operands[0])):
             found = moved(equation, operands)
         else:
-            found = [written(self.graph, equation, [_objects(x) for x in operands])]
+            found = [written(self.graph, equation, operands)]
         return [_settled(x, v.aval.dtype) for x, v in zip(found, equation.outvars, strict=True)]
 
     def _body(self, body: Any, operands: list[Any]) -> list[Any]:
@@ -115,7 +115,7 @@ class Reader:
         predicate = each(self.graph, "ne", which, 0)
         when_false, when_true = (self._body(branch, arguments) for branch in branches)
         return [
-            _settled(each(self.graph, "select", predicate, _objects(a), _objects(b)), v.aval.dtype)
+            _settled(each(self.graph, "select", predicate, a.astype(object), b.astype(object)), v.aval.dtype)
             for a, b, v in zip(when_true, when_false, equation.outvars, strict=True)
         ]
 
@@ -135,10 +135,6 @@ def _known(value: Any) -> Any:
 
 def _is_open(value: Any) -> bool:
     return value.dtype == object
-
-
-def _objects(value: Any) -> np.ndarray:
-    return value if _is_open(value) else value.astype(object)
 
 
 def _settled(value: np.ndarray, dtype: Any) -> np.ndarray:

@@ -52,7 +52,7 @@ class LumpedInequality:
         """
         plant = LumpedPlant.of(system, transform)
         T, A, C = exact(plant.T), exact(np.asarray(system.at("A"))), exact(np.asarray(system.at("C")))
-        inverse = _inverse(T)
+        inverse = exact_inverse(T)
         if gain is not None:
             loop = T @ (A - exact(np.asarray(gain, dtype=float)) @ C) @ inverse
             return LumpedInequality(plant.loop(gain), np.zeros_like(plant.A), loop, exact(np.zeros_like(plant.A)))
@@ -121,7 +121,12 @@ class LumpedInequality:
         return min(bounds, default=None)
 
 
-def _inverse(T: np.ndarray) -> np.ndarray:
+def exact_inverse(T: np.ndarray) -> np.ndarray:
+    """Return the inverse of a square matrix of rationals.
+
+    Args:
+        T: object array of rationals, invertible.
+    """
     n = T.shape[0]
     inverse = fmpq_mat(n, n, list(T.flat)).inv()
     return np.array(inverse.entries(), dtype=object).reshape(n, n)

@@ -181,7 +181,8 @@ def largest_norm(matrix: PlantMatrix, box: dict[str, tuple[float, float]]) -> fl
     """Return a bound on the norm of a matrix over a box.
 
     For a polynomial the Bernstein coefficients bound it; for a function on the domain five points an axis are taken and
-    the largest doubled, which costs one more squaring and is no proof.
+    the largest doubled, which costs one more squaring and is no proof. A square matrix is balanced first, i.e. the norm
+    is taken in units of the states that make it small.
 
     Args:
         matrix: polynomial or function of parameters in the box.
@@ -192,6 +193,9 @@ def largest_norm(matrix: PlantMatrix, box: dict[str, tuple[float, float]]) -> fl
         values, factor = [np.asarray(c, dtype=float) for c in matrix.bernstein(used).values()], 1.0
     else:
         values, factor = values_on(matrix, box, 5), 2.0
+    if values[0].shape[0] == values[0].shape[1]:
+        scale = scipy.linalg.matrix_balance(sum(abs(v) for v in values), permute=False, separate=True)[1][0]
+        values = [v * scale / scale[:, None] for v in values]
     return factor * min(max(float(np.linalg.norm(v, kind)) for v in values) for kind in (1, 2, np.inf))
 
 
@@ -211,7 +215,8 @@ def _exact(system: System, dt: float) -> System:
     augmented[:n, :n], augmented[:n, n:] = A * dt, columns * dt
     held = scipy.linalg.expm(augmented)[:n]
     first, second = n + system.nu, n + system.nu + F.shape[1]
-    return system.replace(A=held[:, :n], B=held[:, n:first], F=held[:, first:second], E=held[:, second:], dt=dt)
+    changes = {"A": held[:, :n], "B": held[:, n:first], "F": held[:, first:second], "E": held[:, second:]}
+    return _sampled(system, changes, dt)
 
 
 def _taylor(system: System, dt: float, degree: int) -> System:
@@ -227,6 +232,12 @@ def _taylor(system: System, dt: float, degree: int) -> System:
     changes: dict[str, Any] = {"A": _combined(lambda A: eye + A @ phi(A) * dt, system.A)}
     for letter in "BEF":
         changes[letter] = _combined(lambda X, A: phi(A) @ X * dt, getattr(system, letter), system.A)
+    return _sampled(system, changes, dt)
+
+
+def _sampled(system: System, changes: dict[str, Any], dt: float) -> System:
+    if system.nonlinearity is None:
+        changes.pop("F")
     return system.replace(**changes, dt=dt)
 
 

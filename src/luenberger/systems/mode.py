@@ -56,7 +56,8 @@ class Mode:
     def value(self) -> str:
         """Eigenvalue with its unit; an oscillation stands for its conjugate pair."""
         z = self.eigenvalue
-        number = f"{z.real:.3g}" if z.imag == 0 else f"{z.real:.3g} +/- {abs(z.imag):.3g}j"
+        real = 0.0 if abs(z.real) <= self.roundoff else z.real
+        number = f"{real:.3g}" if z.imag == 0 else f"{real:.3g} +/- {abs(z.imag):.3g}j"
         return f"{number} 1/s" if self.dt is None else f"{number} a step"
 
 
@@ -125,15 +126,22 @@ def in_words(vector: np.ndarray, names: Sequence[str]) -> str:
         names: state names.
     """
     vector = vector / np.linalg.norm(vector)
-    turned = vector * np.exp(-1j * np.angle(vector[np.argmax(abs(vector))]))
+    turned = vector * np.exp(-1j * np.angle(vector[_leader(vector)]))
     if np.max(abs(turned.imag)) < 1e-6:
         return _sum_in_words(turned.real, names)
-    return f"plane of {_sum_in_words(turned.real, names)} and {_sum_in_words(turned.imag, names)}"
+    other = turned.imag * np.sign(turned.imag[_leader(turned.imag)])
+    return f"plane of {_sum_in_words(turned.real, names)} and {_sum_in_words(other, names)}"
 
 
 def place(where: Mapping[str, float]) -> str:
     """Return " at vx = 10, mu = 0.9", or nothing for a plant without parameters."""
     return f" at {', '.join(f'{name} = {value:.6g}' for name, value in where.items())}" if where else ""
+
+
+def _leader(vector: np.ndarray) -> int:
+    # The first of those that tie for the largest, so that roundoff does not choose the sign.
+    size = abs(vector)
+    return int(np.argmax(size >= size.max() * (1 - 1e-6)))
 
 
 def _sum_in_words(vector: np.ndarray, names: Sequence[str]) -> str:

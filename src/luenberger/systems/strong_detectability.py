@@ -3,7 +3,7 @@
 import numpy as np
 
 from luenberger.systems.hidden_subspace import RELATIVE_TOLERANCE, Balanced, points
-from luenberger.systems.mode import Mode, Report, named_modes, slowest_first
+from luenberger.systems.mode import Report, named_modes, slowest_first
 from luenberger.systems.system import System
 
 # Any number that is no invariant zero gives the normal rank; a fixed one far from the axes keeps reports reproducible.
@@ -33,36 +33,28 @@ def strong_detectability(system: System) -> Report:
 
     Reference: M. L. J. Hautus, "Strong detectability and observers", Linear Algebra and its Applications 50, 1983.
     """
-    modes: list[Mode] = []
-    places, hidden, matched, worst = 0, False, True, None
-    for where, A, C, E in points(system, linear_part=False):
-        triple = Balanced.of(A, C, E)
-        places += 1
-        hidden = hidden or triple.input_is_hidden()
-        matched = matched and np.linalg.matrix_rank(triple.C @ triple.E, tol=RELATIVE_TOLERANCE) == triple.E.shape[1]
-        modes += named_modes(system, where, *triple.hidden_modes(), triple.roundoff)
-        values = np.linalg.svd(rosenbrock(triple, _NO_ZERO * triple.size), compute_uv=False)
-        rank = int(np.sum(values > RELATIVE_TOLERANCE * values[0]))
-        if worst is None or rank < worst[0]:
-            worst = (rank, values, system.nx + triple.E.shape[1])
-    assert worst is not None
+    triples = [(where, Balanced.of(A, C, E)) for where, A, C, E in points(system, linear_part=False)]
+    modes = [m for where, t in triples for m in named_modes(system, where, *t.hidden_modes(), t.roundoff)]
     ordered = slowest_first(modes)
     slow = [mode for mode in ordered if not mode.fades(0.0)]
-    holds = not slow and not hidden
-    sentences = [_answer(system, holds, places)]
-    if hidden:
+    unseen = any(t.input_is_hidden() for _, t in triples)
+    matched = all(np.linalg.matrix_rank(t.C @ t.E, tol=RELATIVE_TOLERANCE) == t.E.shape[1] for _, t in triples)
+    pencils = [(np.linalg.svd(rosenbrock(t, _NO_ZERO * t.size), compute_uv=False), t) for _, t in triples]
+    worst, triple = min(pencils, key=lambda pencil: _rank(pencil[0]) - pencil[1].E.shape[1])
+    holds = not slow and not unseen
+    sentences = [_answer(system, holds, len(triples))]
+    if unseen:
         sentences.append(
-            f"Some unknown input leaves no trace in the outputs: the Rosenbrock pencil has normal rank {worst[0]}, "
-            f"{worst[2]} is needed. Add a sensor that sees it."
+            f"Some unknown input leaves no trace in the outputs: the Rosenbrock pencil has normal rank {_rank(worst)}, "
+            f"{system.nx + triple.E.shape[1]} is needed. Add a sensor that sees it."
         )
-    sentences += [
-        f"An unknown input hides the mode {m.text}, an invariant zero that does not die out." for m in slow[:3]
-    ]
+    for mode in slow[:3]:
+        sentences.append(f"An unknown input hides the mode {mode.text}, an invariant zero that does not die out.")
     if holds and ordered:
-        sentences.append(
-            f"The slowest invariant zero is {ordered[0].text}; no observer forgets its error faster than that."
-        )
-    return Report("strong detectability", holds, ordered, (*sentences, _match(holds, matched)), *worst[:2], matched)
+        slowest = ordered[0].text
+        sentences.append(f"The slowest invariant zero is {slowest}; no observer forgets its error faster than that.")
+    sentences.append(_match(holds, matched))
+    return Report("strong detectability", holds, ordered, tuple(sentences), _rank(worst), worst, matched)
 
 
 def rosenbrock(triple: Balanced, s: complex) -> np.ndarray:
@@ -74,6 +66,10 @@ def rosenbrock(triple: Balanced, s: complex) -> np.ndarray:
     """
     upper = np.hstack([(triple.A - s * np.eye(len(triple.scale))) / triple.size, triple.E])
     return np.vstack([upper, np.hstack([triple.C, np.zeros((triple.C.shape[0], triple.E.shape[1]))])])
+
+
+def _rank(values: np.ndarray) -> int:
+    return int(np.sum(values > RELATIVE_TOLERANCE * values[0]))
 
 
 def _answer(system: System, holds: bool, places: int) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 
 from luenberger.systems import Nonlinearity, System
 
+Direction = Literal["printed", "motor_angle", "none"]
+
 # Diagonal of the coordinates z = T x in which the printed designs live (Rajamani and Cho 1998).
 TRANSFORM = (1.0, 1.0, 1.0, 0.1)
 
@@ -30,7 +32,7 @@ def gravity(z: jax.Array, u: jax.Array) -> jax.Array:
     return -3.33 * jnp.sin(z)
 
 
-def flexible_joint(disturbance: Literal["printed", "motor_angle", "none"] = "printed") -> System:
+def flexible_joint(disturbance: Direction = "printed") -> System:
     """Return the robot arm: motor and link joined by a torsion spring, motor angle and rate measured.
 
     The Lipschitz constant 3.33 of gravity holds for all states since |cos| <= 1. The printed input and nonlinearity have
@@ -59,6 +61,12 @@ def flexible_joint(disturbance: Literal["printed", "motor_angle", "none"] = "pri
         states=("motor_angle", "motor_rate", "link_angle", "link_rate"),
         inputs=("motor_voltage",),
         outputs=("motor_angle_sensor", "motor_rate_sensor"),
-        units={"motor_angle": "rad", "motor_rate": "rad/s", "link_angle": "rad", "link_rate": "rad/s", "motor_voltage": "V"},
+        units={
+            "motor_angle": "rad",
+            "motor_rate": "rad/s",
+            "link_angle": "rad",
+            "link_rate": "rad/s",
+            "motor_voltage": "V",
+        },
         name="flexible joint robot",
     )

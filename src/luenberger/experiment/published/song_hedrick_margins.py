@@ -24,7 +24,9 @@ def margin_table(transform: Transform = None) -> list[tuple[int, float, float, f
     """
     plant = flexible_joint("none")
     points = [float(e) for e in GRID]
-    return [(k + 1, e, margin_at(plant, e, transform), margin_at(plant, e, transform, "sdp")) for k, e in enumerate(points)]
+    return [
+        (k + 1, e, margin_at(plant, e, transform), margin_at(plant, e, transform, "sdp")) for k, e in enumerate(points)
+    ]
 
 
 def margin_rows() -> Iterator[Row]:

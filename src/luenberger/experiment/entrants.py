@@ -1,0 +1,255 @@
+"""Who takes part in a sideslip comparison: how each entrant is built from the car, and how its estimate becomes sideslip.
+
+Every entrant has the same freedom where a file asks for tuning: the stiffness it believes in, and one number of its own.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from luenberger.core import BadInput, Trajectory
+from luenberger.core.checks import known_keys, nearest
+from luenberger.design import Design
+from luenberger.methods.kalman_gain import KalmanGain
+from luenberger.methods.polytopic import PolytopicLuenberger
+from luenberger.observers import AlgebraicEstimate, ExtendedKalmanFilter, Observer, UnscentedKalmanFilter, zero_estimate
+from luenberger.replay import Channels
+from luenberger.synthesize import synthesize
+from luenberger.systems.discretize import runge_kutta
+from luenberger.vehicle import (
+    VehicleParameters,
+    lateral_forces,
+    lateral_plant,
+    linear_force,
+    low_pass,
+    parabolic_force,
+    slip_angle_plant,
+)
+
+# Measurement noise every filter assumes [rad/s, m/s^2]: a production yaw-rate sensor and a vibrating accelerometer.
+SENSOR_DEVIATION = (0.01, 0.5)
+TYRE = ("front_stiffness", "rear_stiffness", "friction")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What every builder is told.
+
+    Args:
+        car: parameter set with the stiffness believed in.
+        speed: trusted interval of the speed [m/s].
+        acceleration: trusted interval of dvx/dt [m/s^2].
+        dt: sample time [s].
+    """
+
+    car: VehicleParameters
+    speed: tuple[float, float]
+    acceleration: tuple[float, float]
+    dt: float
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A built entrant.
+
+    Args:
+        observer: what runs.
+        channels: what it reads.
+        sideslip: takes its states, shape (nt, nx), and the trajectory, returns the sideslip [rad], shape (nt,).
+        constants: channels that hold a number of the entrant, so that tuning compiles once.
+        design: gain with certificate, None for filters and anchors.
+    """
+
+    observer: Observer
+    channels: Channels
+    sideslip: Callable[[np.ndarray, Trajectory], np.ndarray]
+    constants: Mapping[str, float] = field(default_factory=dict)
+    design: Design | None = None
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of entrant.
+
+    Args:
+        build: setting and options -> entrant.
+        options: name -> default; all positive numbers.
+        knobs: what tuning may change, stiffness first.
+        sentence: what it is, for tables.
+    """
+
+    build: Callable[[Setting, Mapping[str, float]], Entrant]
+    options: Mapping[str, float]
+    knobs: tuple[str, ...]
+    sentence: str
+
+
+def build(setting: Setting, options: Mapping[str, Any], knobs: Mapping[str, float] | None = None) -> Entrant:
+    """Build one entrant.
+
+    Args:
+        setting: car, box, sample time.
+        options: `kind` and the options of that kind.
+        knobs: tuned values that replace options and the stiffness of the car.
+
+    Raises:
+        BadInput: unknown kind or option (the nearest known one is named), option not a positive number.
+    """
+    kind = kind_of(options)
+    given = {k: v for k, v in options.items() if k != "kind"}
+    known_keys(f"An entrant of kind `{options['kind']}`", given, [*kind.options])
+    for name, value in given.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+            raise BadInput(f"Option `{name}` of kind `{options['kind']}` is {value!r}; a positive number is needed.")
+    tuned = dict(knobs or {})
+    stiffness = {k: tuned.pop(k) for k in ("front_stiffness", "rear_stiffness") if k in tuned}
+    believed = Setting(setting.car.with_values(**stiffness), setting.speed, setting.acceleration, setting.dt)
+    return kind.build(believed, {**kind.options, **given, **tuned})
+
+
+def kind_of(options: Mapping[str, Any]) -> Kind:
+    """Return the kind an entrant names.
+
+    Raises:
+        BadInput: missing or unknown kind.
+    """
+    name = str(options.get("kind", ""))
+    if name not in KINDS:
+        raise BadInput(f"An entrant has the unknown kind `{name}`.{nearest(name, KINDS)}")
+    return KINDS[name]
+
+
+def _zero(setting: Setting, options: Mapping[str, float]) -> Entrant:
+    return Entrant(zero_estimate(1, setting.dt, ("sideslip",)), Channels(), lambda x, trajectory: x[:, 0])
+
+
+def _rear_axle(setting: Setting, options: Mapping[str, float]) -> Entrant:
+    car = setting.car
+
+    channels = Channels((), ("yaw_rate", "lateral_acceleration"), ("speed", "rear_stiffness"))
+    return Entrant(
+        AlgebraicEstimate(_rear_axle_formula(car.with_values(front_stiffness=1.0, rear_stiffness=1.0)), setting.dt, ("sideslip",)),
+        channels,
+        lambda x, trajectory: low_pass(x[:, 0], setting.dt, options["time_constant"]),
+        {"rear_stiffness": car.rear_stiffness},
+    )
+
+
+@cache
+def _rear_axle_formula(car: VehicleParameters) -> Callable[[Any, Any, Any], jax.Array]:
+    """Return sideslip = b r / vx - alpha_r with alpha_r = Fr / Cr and, in steady turning, Fr = m a ay / (a + b)."""
+
+    def formula(u: Any, y: Any, r: Any) -> jax.Array:
+        force = car.mass * car.front_axle_distance * y[1] / car.wheelbase
+        return jnp.atleast_1d(car.rear_axle_distance * y[0] / r[0] - force / r[1])
+
+    return formula
+
+
+def _lpv_luenberger(setting: Setting, options: Mapping[str, float]) -> Entrant:
+    car = setting.car
+    plant = slip_angle_plant(car, setting.speed, setting.acceleration)
+    design = synthesize(plant, PolytopicLuenberger(decay_rate=options["decay_rate"]))
+    channels = Channels(("steering", "steering_rate", "yaw_rate"), ("slip_difference",), ("inverse_speed", "acceleration"))
+
+    def sideslip(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
+        speed, yaw_rate = trajectory["speed"].values, trajectory["yaw_rate"].values
+        return np.arctan(car.rear_axle_distance * yaw_rate / speed - x[:, 1])
+
+    return Entrant(design.observer(setting.dt, method="exact", clip_scheduling=True), channels, sideslip, design=design)
+
+
+def _lpv_kalman_gain(setting: Setting, options: Mapping[str, float]) -> Entrant:
+    plant = lateral_plant(setting.car, setting.speed, outputs=("yaw_rate", "lateral_acceleration"))
+    # Covariances of sampled noise become spectral densities when multiplied by the sample time.
+    densities = np.diag(np.square(SENSOR_DEVIATION)) * setting.dt
+    design = synthesize(plant, KalmanGain(np.diag([1.0, 0.1]) * options["process_density"], densities))
+    channels = Channels(("steering",), ("yaw_rate", "lateral_acceleration"), ("speed", "inverse_speed"))
+    return Entrant(design.observer(setting.dt, method="exact", clip_scheduling=True), channels, _from_lateral_speed, design=design)
+
+
+def _filter(
+    filter_type: type[ExtendedKalmanFilter] | type[UnscentedKalmanFilter], tyre: str
+) -> Callable[[Setting, Mapping[str, float]], Entrant]:
+    def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
+        car = setting.car
+        # The stiffness comes in as a signal, so cars that differ in it alone share one compiled filter.
+        observer = filter_type(
+            _single_track_maps(car.with_values(front_stiffness=1.0, rear_stiffness=1.0), tyre, setting.dt),
+            setting.dt,
+            measurement_covariance=np.diag(np.square(SENSOR_DEVIATION)),
+            initial_covariance=np.diag([1.0, 0.1]),
+            process_density=np.diag([1.0, 0.1]) * options["process_density"],
+            states=("lateral_speed", "yaw_rate"),
+        )
+        channels = Channels(("steering",), ("yaw_rate", "lateral_acceleration"), ("speed", *TYRE))
+        constants = dict(zip(TYRE, (car.front_stiffness, car.rear_stiffness, options.get("friction", 1.0)), strict=True))
+        return Entrant(observer, channels, _from_lateral_speed, constants)
+
+    return built
+
+
+@cache
+def _single_track_maps(car: VehicleParameters, tyre: str, dt: float) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return (one-step map, output) of the single track with r = (speed, front stiffness, rear stiffness, friction)."""
+
+    def axle_forces(x: Any, u: Any, r: Any) -> tuple[Any, Any]:
+        def axle(stiffness: Any, load: float) -> Callable[[Any], Any]:
+            if tyre == "linear":
+                return lambda slip: linear_force(slip, stiffness)
+            return lambda slip: parabolic_force(slip, stiffness, r[3], load)
+
+        return lateral_forces(car, x, u[0], r[0], axle(r[1], car.front_load), axle(r[2], car.rear_load))
+
+    def advance(x: Any, u: Any, r: Any) -> jax.Array:
+        def slope(z: Any) -> jax.Array:
+            front, rear = axle_forces(z, u, r)
+            yaw = (car.front_axle_distance * front - car.rear_axle_distance * rear) / car.yaw_inertia
+            return jnp.stack([(front + rear) / car.mass - r[0] * z[1], yaw])
+
+        return runge_kutta(slope, x, dt)
+
+    def output(x: Any, u: Any, r: Any) -> jax.Array:
+        front, rear = axle_forces(x, u, r)
+        return jnp.stack([x[1], (front + rear) / car.mass])
+
+    return advance, output
+
+
+def _from_lateral_speed(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
+    return np.arctan(x[:, 0] / trajectory["speed"].values)
+
+
+_STIFFNESS = ("front_stiffness", "rear_stiffness")
+KINDS: Mapping[str, Kind] = {
+    "zero": Kind(_zero, {}, (), "sideslip is zero"),
+    "rear_axle": Kind(
+        _rear_axle, {"time_constant": 0.01}, ("rear_stiffness", "time_constant"), "rear-axle force balance from yaw rate, speed and lateral acceleration"
+    ),
+    "lpv_luenberger": Kind(
+        _lpv_luenberger, {"decay_rate": 3.0}, (*_STIFFNESS, "decay_rate"), "certified LPV observer of the slip angles from steering, speed and yaw rate"
+    ),
+    "lpv_kalman_gain": Kind(
+        _lpv_kalman_gain, {"process_density": 1.0}, (*_STIFFNESS, "process_density"), "certified LPV Kalman gain from yaw rate and lateral acceleration"
+    ),
+    "kalman": Kind(
+        _filter(ExtendedKalmanFilter, "linear"), {"process_density": 1.0}, (*_STIFFNESS, "process_density"), "Kalman filter, linear tyres"
+    ),
+    "ekf": Kind(
+        _filter(ExtendedKalmanFilter, "parabolic"),
+        {"process_density": 1.0, "friction": 1.0},
+        (*_STIFFNESS, "friction"),
+        "extended Kalman filter, parabolic tyres",
+    ),
+    "ukf": Kind(
+        _filter(UnscentedKalmanFilter, "parabolic"),
+        {"process_density": 1.0, "friction": 1.0},
+        (*_STIFFNESS, "friction"),
+        "unscented Kalman filter, parabolic tyres",
+    ),
+}
