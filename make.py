@@ -73,7 +73,7 @@ def install(extras, editable):
     stamp = read_stamp()
     current = all(stamp.get(key) == value for key, value in wanted.items())
     have = set(stamp.get("extras", [])) if current else set()
-    source = digest(sorted((ROOT / "src").rglob("*.py")))
+    source = digest(f for f in sorted((ROOT / "src").rglob("*")) if f.is_file() and f.suffix != ".pyc")
     # An editable install shows the working tree to everybody, a copy only as long as the sources stay.
     fresh = current and (stamp["editable"] or (not editable and stamp["source"] == source))
     if fresh and set(extras) <= have:

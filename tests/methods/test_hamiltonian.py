@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luenberger.core import BadInput
@@ -63,6 +63,7 @@ def test_positive_solution_refuses_an_indefinite_one() -> None:
     assert positive_solution(A, np.eye(2), Q) is None
 
 
+@settings(max_examples=20)
 @given(seeds)
 def test_norm_is_the_top_of_a_dense_sweep(seed: int) -> None:
     A, C = random_plant(seed)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from lipschitz_plants import POINT_THREE, pendulum
 
+from lipschitz_plants import POINT_THREE, pendulum
 from luenberger.core import BadInput, Infeasible, NotAccepted, Outcome
 from luenberger.methods.lipschitz_algorithm import lipschitz_algorithm
 from luenberger.methods.lipschitz_margin import margin_at
@@ -12,21 +12,21 @@ from luenberger.systems import System
 
 
 def test_takes_the_first_coordinates_that_serve() -> None:
-    report = lipschitz_algorithm(pendulum(), [None, POINT_THREE, (1.0, 0.2)], points=5)
+    report = lipschitz_algorithm(pendulum(3.0), [None, POINT_THREE, (1.0, 0.2)], points=5)
     assert report.transform == POINT_THREE
     assert [t.transform for t in report.tables] == [None, POINT_THREE]
     assert report.tables[0].feasible == 0
 
 
 def test_bracket_lies_between_grid_points_where_the_count_ends() -> None:
-    report = lipschitz_algorithm(pendulum(), [POINT_THREE], points=9)
+    report = lipschitz_algorithm(pendulum(3.0), [POINT_THREE], points=9)
     table = report.tables[-1]
     assert np.all(np.diff(table.margins) < 0)
     assert 0 < table.feasible < 9
     assert table.epsilons[table.feasible - 1] <= report.bracket.feasible
     assert report.bracket.infeasible is not None
     assert report.bracket.infeasible <= table.epsilons[table.feasible]
-    assert table.margins[0] == pytest.approx(margin_at(pendulum(), 0.1, POINT_THREE), rel=1e-9)
+    assert table.margins[0] == pytest.approx(margin_at(pendulum(3.0), 0.1, POINT_THREE), rel=1e-9)
 
 
 def test_designs_are_those_of_the_methods() -> None:

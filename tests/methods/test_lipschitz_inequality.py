@@ -3,8 +3,8 @@
 from fractions import Fraction
 
 import numpy as np
-from lipschitz_plants import POINT_THREE, integrator, pendulum
 
+from lipschitz_plants import POINT_THREE, integrator, pendulum
 from luenberger.algebra.definiteness import exact
 from luenberger.methods.hamiltonian import positive_solution
 from luenberger.methods.lipschitz_inequality import LumpedInequality, exact_inverse

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from lipschitz_plants import POINT_THREE, integrator, pendulum
 
+from lipschitz_plants import POINT_THREE, integrator, pendulum
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted
 from luenberger.methods.lipschitz_plant import (

@@ -117,7 +117,8 @@ class Ball:
     @property
     def upper(self) -> float:
         """Smallest double at or above the upper endpoint."""
-        return -(-self).lower
+        # Subtracted from zero, so that no bound reads -0.0.
+        return 0.0 - (-self).lower
 
     @property
     def lower_exact(self) -> fmpq:

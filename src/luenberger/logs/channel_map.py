@@ -132,7 +132,9 @@ def channel_map(given: Mapping[str, Any]) -> dict[str, Channel]:
         BadInput: no channel at all, a name that is no ASCII word, or a channel that cannot be read.
     """
     if not given:
-        raise BadInput('The channel map is empty; give at least one channel, e.g. speed = { column = "vx", unit = "m/s" }.')
+        raise BadInput(
+            'The channel map is empty; give at least one channel, e.g. speed = { column = "vx", unit = "m/s" }.'
+        )
     for name in given:
         if not (name.isascii() and name.isidentifier()):
             raise BadInput(f"Channel `{name}` is no ASCII word; name it with letters, digits and `_`, e.g. yaw_rate.")

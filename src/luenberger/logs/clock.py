@@ -94,7 +94,9 @@ class ClockReport:
                 f"lasts {worst.length:g} s after t = {worst.start:g} s. Cut the log there or interpolate with `.resample(dt)`."
             )
         if self.is_increasing and not self.is_uniform():
-            lines.append(f"The steps differ; bring the log to a uniform step with `.resample({self.step:.6g})` before a replay.")
+            lines.append(
+                f"The steps differ; bring the log to a uniform step with `.resample({self.step:.6g})` before a replay."
+            )
         return tuple(lines)
 
 

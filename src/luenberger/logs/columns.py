@@ -128,7 +128,8 @@ def _text_cell(path: Path, places: dict[str, int], options: dict[str, Any], caus
     for column, place in places.items():
         cells = texts.iloc[:, order.index(place)].str.strip()
         plain = cells if options["decimal"] == "." else cells.str.replace(options["decimal"], ".", regex=False)
-        bad = np.flatnonzero(cells.notna() & pd.to_numeric(plain, errors="coerce").isna())
+        numbers = np.asarray(pd.to_numeric(plain, errors="coerce"), dtype=np.float64)
+        bad = np.flatnonzero(cells.notna() & np.isnan(numbers))
         if bad.size:
             return BadInput(
                 f"Column `{column}` of `{path.name}` holds `{cells.iloc[bad[0]]}` in sample {bad[0]}, {bad.size} such cells in all; "

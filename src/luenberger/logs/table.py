@@ -103,9 +103,7 @@ def _clock(
     return time[kept], kept
 
 
-def _whole(
-    path: Path, label: str, one: Channel, time: np.ndarray, values: np.ndarray, missing: Missing
-) -> np.ndarray:
+def _whole(path: Path, label: str, one: Channel, time: np.ndarray, values: np.ndarray, missing: Missing) -> np.ndarray:
     good = np.isfinite(values)
     holes = values.size - int(good.sum())
     if holes == 0:

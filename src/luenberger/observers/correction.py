@@ -1,7 +1,7 @@
 """The copy of the plant driven by the output error: what most design methods hand out."""
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,7 +18,6 @@ from luenberger.systems.exponential import HoldOrder, affine_hold, hold_order, p
 from luenberger.systems.matrix import MatrixFunction, PlantMatrix
 from luenberger.systems.system import System
 
-Method = Literal["rk4", "exact"]
 # A sub-step of half the fastest time constant: well inside the stability region (|h s| < 2.7), 3e-4 error a time constant.
 LARGEST_STEP = 0.5
 MOST_SUBSTEPS = 50
@@ -53,7 +52,7 @@ class CorrectionObserver(Observer):
     gain: Polynomial
     dt: float = eqx.field(static=True)
     plant: Fixed[System] = eqx.field(static=True)
-    method: Literal["rk4", "exact", "map"] = eqx.field(static=True)
+    method: str = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
     order: HoldOrder = eqx.field(static=True)
     clip_scheduling: bool = eqx.field(static=True)
@@ -64,7 +63,7 @@ class CorrectionObserver(Observer):
         gain: Any,
         dt: float | None = None,
         *,
-        method: Method = "rk4",
+        method: str = "rk4",
         substeps: int | None = None,
         clip_scheduling: bool = False,
     ):

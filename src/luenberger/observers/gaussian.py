@@ -1,7 +1,7 @@
 """What all Kalman-type filters share: the belief, the plant as two maps, checked covariances, one masked update."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,7 +18,6 @@ from luenberger.systems.discretize import one_step
 from luenberger.systems.system import System
 
 Map = Callable[[Any, Any, Any], Any]
-Method = Literal["exact", "euler", "rk4"]
 # Entries of a covariance may differ from symmetry or definiteness by rounding of this relative size.
 ROUNDING = 1e-10
 
@@ -72,7 +71,7 @@ class GaussianFilter(Observer):
         initial_covariance: Any,
         process_covariance: Any = None,
         process_density: Any = None,
-        method: Method = "rk4",
+        method: str = "rk4",
         substeps: int = 1,
         states: Sequence[str] = (),
     ):

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from luenberger.core import NotAccepted
-from luenberger.observers.gaussian import Belief, GaussianFilter, Method, Model, linear_update
+from luenberger.observers.gaussian import Belief, GaussianFilter, Model, linear_update
 from luenberger.observers.observer import Estimate
 from luenberger.observers.small_matrix import product, symmetrised
 from luenberger.systems.system import System
@@ -73,7 +73,7 @@ class KalmanFilter(_Linearised):
         initial_covariance: Any,
         process_covariance: Any = None,
         process_density: Any = None,
-        method: Method = "exact",
+        method: str = "exact",
         substeps: int = 1,
     ):
         if system.nonlinearity is not None:

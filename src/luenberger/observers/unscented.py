@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from luenberger.core import BadInput
-from luenberger.observers.gaussian import Belief, GaussianFilter, Map, Method, masked
+from luenberger.observers.gaussian import Belief, GaussianFilter, Map, masked
 from luenberger.observers.observer import Estimate
 from luenberger.observers.small_matrix import cholesky, product, solve_positive, symmetrised
 from luenberger.systems.system import System
@@ -56,7 +56,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         initial_covariance: Any,
         process_covariance: Any = None,
         process_density: Any = None,
-        method: Method = "rk4",
+        method: str = "rk4",
         substeps: int = 1,
         states: Sequence[str] = (),
         alpha: float = 1.0,

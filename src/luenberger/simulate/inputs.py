@@ -1,6 +1,6 @@
 """Input and scheduling signals as functions of time: sampled and held, or sampled and joined by straight lines."""
 
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,8 +10,6 @@ from jaxtyping import Array, Float
 
 from luenberger.core import BadInput
 from luenberger.core.checks import finite_array, nearest
-
-Interpolation = Literal["held", "linear"]
 
 
 class HeldSamples(eqx.Module):
@@ -67,7 +65,7 @@ class FunctionOfTime(eqx.Module):
 Input = HeldSamples | LinearSamples | FunctionOfTime
 
 
-def as_input(name: str, value: Any, time: np.ndarray, count: int, interpolation: Interpolation) -> Input:
+def as_input(name: str, value: Any, time: np.ndarray, count: int, interpolation: str) -> Input:
     """Return a signal as a function of time, checked against the number of channels.
 
     Args:

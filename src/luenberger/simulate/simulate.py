@@ -10,7 +10,7 @@ import numpy as np
 
 from luenberger.core import BadInput, LuenbergerError, Signal, Trajectory
 from luenberger.core.checks import finite_array
-from luenberger.simulate.inputs import Input, Interpolation, as_input, jumps
+from luenberger.simulate.inputs import Input, as_input, jumps
 from luenberger.simulate.integrate import integrate, iterate
 from luenberger.simulate.sensors import Sensor, measure
 
@@ -71,7 +71,7 @@ def simulate(
     x0: Any,
     u: Any = None,
     r: Any = None,
-    interpolation: Interpolation = "held",
+    interpolation: str = "held",
     jump_times: Any = (),
     sensors: Sequence[Sensor] = (),
     seed: int = 0,

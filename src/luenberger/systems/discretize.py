@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from itertools import product as tuples
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,11 +17,10 @@ from luenberger.systems.exponential import HoldOrder, affine_hold, hold_order, p
 from luenberger.systems.matrix import MatrixFunction, PlantMatrix
 from luenberger.systems.system import System
 
-Method = Literal["exact", "euler", "rk4"]
 METHODS = ("exact", "euler", "rk4")
 
 
-def discretize(system: System, dt: float, method: Method = "exact") -> System:
+def discretize(system: System, dt: float, method: str = "exact") -> System:
     """Return the plant sampled with step dt, inputs, scheduling and unknown inputs held over the step.
 
     "exact" is the zero-order hold of a plant with constant matrices. "rk4" is the degree-4 Taylor polynomial of it, which
@@ -56,7 +55,7 @@ def discretize(system: System, dt: float, method: Method = "exact") -> System:
 
 
 def one_step(
-    system: System, dt: float, method: Method = "rk4", substeps: int = 1
+    system: System, dt: float, method: str = "rk4", substeps: int = 1
 ) -> Callable[[Any, Any, Any], jax.Array]:
     """Return the map (x, u, r) -> x one sample later, with u and r held over the step.
 
@@ -84,12 +83,12 @@ class HeldStep(eqx.Module):
 
     system: System
     dt: float = eqx.field(static=True)
-    method: Literal["exact", "euler", "rk4", "map"] = eqx.field(static=True)
+    method: str = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
     order: HoldOrder = eqx.field(static=True)
 
     @staticmethod
-    def of(system: System, dt: float, method: Method = "rk4", substeps: int = 1) -> "HeldStep":
+    def of(system: System, dt: float, method: str = "rk4", substeps: int = 1) -> "HeldStep":
         """Build the map; see `one_step`."""
         _check(system, dt, method)
         if system.uncertainty:

@@ -1,24 +1,44 @@
-"""Cars: parameters with sources, tyres, single-track plants, and the channels they are driven by."""
+"""Cars: parameter sets with sources, tyres, single-track plants and truth model, sideslip algebra, derived channels."""
 
-from luenberger.vehicle.channels import low_pass, slip_angle_channels
-from luenberger.vehicle.parameters import CARS, VehicleParameters, carmaker_car, ferrari_250lm, named_car, wang_car
-from luenberger.vehicle.single_track import lateral_forces, lateral_plant, single_track_dynamics, slip_angle_plant
-from luenberger.vehicle.tyres import linear_force, magic_formula_force, parabolic_force
+from luenberger.vehicle.algebraic import rear_axle_force, rear_axle_sideslip
+from luenberger.vehicle.cars import CARS, car_named, carmaker_car, ferrari_250lm, wang_car
+from luenberger.vehicle.channels import rate_of_change, slip_angle_channels
+from luenberger.vehicle.parameters import Quantity, VehicleParameters
+from luenberger.vehicle.sideslip import (
+    lateral_speed_from_front_slip,
+    lateral_speed_from_rear_slip,
+    sideslip_from_lateral_speed,
+    sideslip_from_rear_slip,
+    slip_angles,
+)
+from luenberger.vehicle.single_track import lateral_speed_plant, slip_angle_plant
+from luenberger.vehicle.truth import SingleTrack
+from luenberger.vehicle.tyres import BrushTyre, LinearTyre, MagicFormulaTyre, Tyre, brush_tyres, linear_tyres
 
 __all__ = [
     "CARS",
+    "BrushTyre",
+    "LinearTyre",
+    "MagicFormulaTyre",
+    "Quantity",
+    "SingleTrack",
+    "Tyre",
     "VehicleParameters",
+    "brush_tyres",
+    "car_named",
     "carmaker_car",
     "ferrari_250lm",
-    "lateral_forces",
-    "lateral_plant",
-    "linear_force",
-    "low_pass",
-    "magic_formula_force",
-    "named_car",
-    "parabolic_force",
-    "single_track_dynamics",
+    "lateral_speed_from_front_slip",
+    "lateral_speed_from_rear_slip",
+    "lateral_speed_plant",
+    "linear_tyres",
+    "rate_of_change",
+    "rear_axle_force",
+    "rear_axle_sideslip",
+    "sideslip_from_lateral_speed",
+    "sideslip_from_rear_slip",
     "slip_angle_channels",
     "slip_angle_plant",
+    "slip_angles",
     "wang_car",
 ]

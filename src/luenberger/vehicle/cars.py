@@ -6,7 +6,7 @@ from luenberger.vehicle.parameters import Quantity, VehicleParameters
 
 _WANG = "Wang 2014, section 3.3"
 _WANG_TYRE = "Wang 2014, figure 5.4"
-_INFERRED = "inferred: 3 mu Fz theta with theta = 5 1/rad gives the stiffness of chapter 3; the thesis does not print it"
+_INFERRED = "inferred from 3 mu Fz theta = C with theta = 5 1/rad, which fits both axles of chapter 3; not printed, and more than m g"
 _CARMAKER = "github nastarankhds/KalmanFilter, commit 4f6aa8c, MIT"
 _STANFORD = "github MBDS/sideslip-angle-vehicle-estimation, commit 0446c76"
 
@@ -19,7 +19,7 @@ wang_car = VehicleParameters.stated(
     front_stiffness=Quantity(76500.0, "N/rad", _WANG),
     rear_stiffness=Quantity(51000.0, "N/rad", _WANG),
     friction=Quantity(0.85, "", _WANG_TYRE),
-    front_load=Quantity(6000.0, "N", _WANG_TYRE),
+    front_load=Quantity(6000.0, "N", f"{_WANG_TYRE}; {_INFERRED}"),
     rear_load=Quantity(4000.0, "N", _INFERRED),
 )
 

@@ -80,7 +80,8 @@ def rate_of_change(time: np.ndarray, values: np.ndarray, time_constant: float, c
     forward = _lagged_slope(time, values, time_constant)
     if not centred:
         return forward
-    return 0.5 * (forward - _lagged_slope(-time[::-1], values[::-1], time_constant)[::-1] * -1.0)
+    # Against reversed time the slope changes its sign.
+    return 0.5 * (forward - _lagged_slope(-time[::-1], values[::-1], time_constant)[::-1])
 
 
 def _lagged_slope(time: np.ndarray, values: np.ndarray, time_constant: float) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The numbers of a car, each with its unit and the place it was taken from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ _UNITS = {
     "rear_load": ("N", "vertical load of the rear axle"),
     "centre_height": ("m", "height of the centre of gravity above the road"),
 }
+_NEEDED = tuple(_UNITS)[:6]
 
 
 class Quantity(NamedTuple):
@@ -85,7 +86,7 @@ class VehicleParameters:
     front_load: float | None = None
     rear_load: float | None = None
     centre_height: float | None = None
-    sources: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         for name in _UNITS:
@@ -112,12 +113,13 @@ class VehicleParameters:
             BadInput: unknown or missing parameter, or a unit other than the expected one.
         """
         known_keys(f"`{name}`", quantities, list(_UNITS))
-        needed = [f.name for f in fields(VehicleParameters) if f.name in list(_UNITS)[:6]]
-        if lacking := [n for n in needed if n not in quantities]:
-            raise BadInput(f"`{name}` lacks {', '.join(f'`{n}`' for n in lacking)}; a car needs {', '.join(needed)}.")
+        if lacking := [n for n in _NEEDED if n not in quantities]:
+            raise BadInput(f"`{name}` lacks {', '.join(f'`{n}`' for n in lacking)}; a car needs {', '.join(_NEEDED)}.")
         for key, quantity in quantities.items():
             if quantity.unit != _UNITS[key][0]:
-                raise BadInput(f"`{key}` of `{name}` is given in `{quantity.unit}`; it needs to be in `{_UNITS[key][0]}`.")
+                raise BadInput(
+                    f"`{key}` of `{name}` is given in `{quantity.unit}`; it needs to be in `{_UNITS[key][0]}`."
+                )
         values = {key: quantity.value for key, quantity in quantities.items()}
         return VehicleParameters(name=name, **values, sources={k: q.source for k, q in quantities.items()})
 
@@ -132,7 +134,9 @@ class VehicleParameters:
             BadInput: unknown parameter or a value that is no positive number.
         """
         known_keys(f"`{self.name}`", values, list(_UNITS))
-        old = {n: "" if getattr(self, n) is None else f", instead of {getattr(self, n):g} {_UNITS[n][0]}" for n in values}
+        old = {
+            n: "" if getattr(self, n) is None else f", instead of {getattr(self, n):g} {_UNITS[n][0]}" for n in values
+        }
         new = {n: source or f"set by hand{old[n]}".rstrip() for n in values}
         return replace(self, **values, sources={**self.sources, **new})
 

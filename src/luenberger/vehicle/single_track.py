@@ -1,146 +1,210 @@
-"""Single-track (bicycle) plants from first principles, in slip-angle states and in lateral speed and yaw rate.
+"""Plants of the single track (bicycle) model, linear in the state, scheduled by speed.
 
-Axes ISO (x forward, y left, yaw to the left), states at the centre of gravity, small slip angles:
+Signs: x ahead, y to the left; steering delta, yaw rate r, vy, ay and tyre forces count to the left.
 
-    m (dvy/dt + vx r) = Ff + Fr         Iz dr/dt = a Ff - b Fr
-    alpha_f = delta - (vy + a r) / vx   alpha_r = -(vy - b r) / vx        F = C alpha
-
-Differentiating the slips, and using (vy + a r)/vx = delta - alpha_f and (vy - b r)/vx = -alpha_r, gives
-
-    dalpha_f = -(1/vx) [(1/m + a^2/Iz) Ff + (1/m - a b/Iz) Fr] - (ax/vx) alpha_f + (ax/vx) delta + ddelta + r
-    dalpha_r = -(1/vx) [(1/m - a b/Iz) Ff + (1/m + b^2/Iz) Fr] - (ax/vx) alpha_r + r
-
-with ax = dvx/dt, which is not what an accelerometer reads (that is dvx/dt - r vy). The yaw rate enters both rows with +1.
+    m (d vy/dt + vx r) = Ff + Fr + w_force           alpha_f = delta - (vy + a r) / vx         Ff = Cf alpha_f
+    Iz d r/dt          = a Ff - b Fr + w_torque      alpha_r = -(vy - b r) / vx                Fr = Cr alpha_r
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from luenberger.algebra import Polynomial
-from luenberger.core.checks import known_keys
-from luenberger.systems import Parameter, System
+from luenberger.core import BadInput
+from luenberger.core.checks import nearest
+from luenberger.systems import Nonlinearity, Parameter, System
 from luenberger.vehicle.parameters import VehicleParameters
+from luenberger.vehicle.tyres import Tyre
 
-Force = Callable[[Any], Any]
+_SLIP_UNITS = {
+    "front_slip": "rad",
+    "rear_slip": "rad",
+    "steering": "rad",
+    "steering_rate": "rad/s",
+    "yaw_rate": "rad/s",
+    "slip_difference": "rad",
+    "inverse_speed": "s/m",
+    "acceleration": "m/s^2",
+}
+_LATERAL_UNITS = {
+    "lateral_speed": "m/s",
+    "yaw_rate": "rad/s",
+    "steering": "rad",
+    "lateral_acceleration": "m/s^2",
+    "speed": "m/s",
+    "inverse_speed": "s/m",
+}
 
 
 def slip_angle_plant(
-    car: VehicleParameters, speed: tuple[float, float], acceleration: tuple[float, float]
+    car: VehicleParameters,
+    speed: tuple[float, float],
+    acceleration: tuple[float, float],
+    *,
+    tyres: tuple[Tyre, Tyre] | None = None,
+    slip_limit: float | None = None,
+    jerk: float | None = None,
+    disturbance: bool = False,
 ) -> System:
-    """Return the plant in slip angles (alpha_f, alpha_r), scheduled by 1/vx and dvx/dt.
+    """Return the plant with the slip angles of the axles as states and the yaw rate as a measured input.
 
-    Choose it to estimate slip angles from steering, speed and yaw rate alone. ax/vx is the product of the two scheduling
-    parameters, so their box is exactly the trapezoid of reachable (1/vx, ax/vx), not a box around it.
+    Choose it for observers that must hold at all speeds: the speed enters through s = 1 / vx and the product s ax alone,
+    with ax = d vx/dt (not the accelerometer), so the matrices are multi-affine and the four corners of the box decide.
 
-    Assumes: linear tyres; inputs (delta, ddelta, r); output alpha_f - alpha_r = delta - (a + b) r / vx.
+    Derivation: differentiate alpha_f = delta - (vy + a r) / vx, with (vy + a r) / vx = delta - alpha_f and
+    d vy/dt = (Ff + Fr) / m - vx r (the other row alike, without delta):
+
+        d alpha_f/dt = -s ax alpha_f - s (1/m + a^2/Iz) Ff + s (a b/Iz - 1/m) Fr + s ax delta + d delta/dt + r
+        d alpha_r/dt = -s ax alpha_r + s (a b/Iz - 1/m) Ff - s (1/m + b^2/Iz) Fr                            + r
+        y            = alpha_f - alpha_r = delta - (a + b) r s
+
+    so +r enters both rows. A box in (s, ax) is exactly the trapezoid of Wang (3.20) in (1/vx, ax/vx). Force and torque
+    disturbances enter by s (-1/m, -a/Iz; -1/m, +b/Iz). y has to be computed from r, delta and the speed, so that an
+    error of the speed is an error of y too. Where a Cf = b Cr (neutral steer) the state (1, 1) is unobservable.
 
     Args:
-        car: parameters.
+        car: the car.
         speed: interval of vx [m/s], positive.
-        acceleration: interval of dvx/dt [m/s^2].
+        acceleration: interval of d vx/dt [m/s^2].
+        tyres: front and rear tyre, whose remainder beyond the linear part becomes F f(x); left out: linear with Cf, Cr.
+        slip_limit: largest slip angle [rad] for which the slope bounds of `tyres` are taken; left out: all.
+        jerk: largest |d acceleration/dt| [m/s^3] trusted.
+        disturbance: add E for an unknown lateral force [N] and yaw torque [N m].
 
-    Reference: Y. Wang, dissertation 2014, (3.16)-(3.21), derived again above.
+    Returns:
+        States front_slip, rear_slip; inputs steering, steering_rate, yaw_rate; output slip_difference; scheduling
+        inverse_speed, acceleration. `slip_angle_channels` makes these channels from a log.
+
+    Raises:
+        BadInput: empty or non-positive interval, or a limit that is not positive.
+
+    Reference: Wang 2014, equations 3.18 to 3.21 and 5.64 to 5.68; in (5.66) the second row is (-1/m, +b/Iz) / vx, the
+        print has both signs turned.
     """
+    slow, fast = _interval("speed", speed, "m/s", positive=True)
+    brake, drive = _interval("acceleration", acceleration, "m/s^2")
     m, Iz, a, b = car.mass, car.yaw_inertia, car.front_axle_distance, car.rear_axle_distance
-    mobility = np.array([[1 / m + a * a / Iz, 1 / m - a * b / Iz], [1 / m - a * b / Iz, 1 / m + b * b / Iz]])
-    names = ("inverse_speed", "acceleration")
-    A = Polynomial(names, {(1, 0): -mobility * [car.front_stiffness, car.rear_stiffness], (1, 1): -np.eye(2)})
-    B = Polynomial(names, {(0, 0): np.array([[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]), (1, 1): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])})
+    K = np.array([[-(1 / m + a**2 / Iz), a * b / Iz - 1 / m], [a * b / Iz - 1 / m, -(1 / m + b**2 / Iz)]])
+    zero, names = (0, 0), ("inverse_speed", "acceleration")
+    C0 = [car.front_stiffness, car.rear_stiffness] if tyres is None else [float(t.stiffness) for t in tyres]
+    steer_in = np.array([[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    options: dict[str, Any] = {}
+    if disturbance:
+        options["E"] = Polynomial(names, {(1, 0): np.array([[-1 / m, -a / Iz], [-1 / m, b / Iz]])})
+    if tyres is not None:
+        options["F"] = Polynomial(names, {(1, 0): K})
+        options["nonlinearity"] = _tyre_remainders(tyres, slip_limit)
+    # |d(1/vx)/dt| = |ax| / vx^2
+    rate = max(abs(brake), abs(drive)) / slow**2
     return System.lpv(
-        A,
-        B,
+        Polynomial(names, {(1, 0): K * C0, (1, 1): -np.eye(2)}),
+        Polynomial(names, {zero: steer_in, (1, 1): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])}),
         [[1.0, -1.0]],
         parameters=[
-            Parameter("inverse_speed", 1 / speed[1], 1 / speed[0], "s/m"),
-            Parameter("acceleration", *acceleration, unit="m/s^2"),
+            Parameter("inverse_speed", 1 / fast, 1 / slow, "s/m", rate=rate),
+            Parameter("acceleration", brake, drive, "m/s^2", rate=jerk),
         ],
         states=("front_slip", "rear_slip"),
         inputs=("steering", "steering_rate", "yaw_rate"),
         outputs=("slip_difference",),
-        units={
-            "front_slip": "rad",
-            "rear_slip": "rad",
-            "steering": "rad",
-            "steering_rate": "rad/s",
-            "yaw_rate": "rad/s",
-            "slip_difference": "rad",
-        },
-        name=f"{car.name}, slip angles",
+        units=_SLIP_UNITS,
+        name=f"slip angles of {car.name}",
+        **options,
     )
 
 
-def lateral_plant(car: VehicleParameters, speed: tuple[float, float], outputs: Sequence[str] = ("yaw_rate",)) -> System:
-    """Return the plant in lateral speed and yaw rate (vy, r), scheduled by vx and 1/vx.
+def lateral_speed_plant(
+    car: VehicleParameters,
+    speed: tuple[float, float],
+    *,
+    outputs: Sequence[str] = ("yaw_rate",),
+    disturbance: bool = False,
+) -> System:
+    """Return the plant with lateral speed and yaw rate as states, steered by delta, gyro and accelerometer as outputs.
 
-    Choose it where yaw rate, or yaw rate and lateral acceleration, are measured. vx and 1/vx are two parameters with a box
-    of their own; the true curve lies in it, so claims on the box are sound, and conservative over wide speed ranges.
+    Choose it for Kalman filters, which want the sensors as outputs, and where the accelerometer is to be used; it is
+    observable for a neutral-steer car with the accelerometer. With s = 1 / vx:
 
-    Assumes: linear tyres; input delta.
+        d vy/dt = -s (Cf + Cr)/m vy    + (s (b Cr - a Cf)/m - vx) r       + Cf/m delta
+        d r/dt  = s (b Cr - a Cf)/Iz vy - s (a^2 Cf + b^2 Cr)/Iz r        + a Cf/Iz delta
+        ay      = (Ff + Fr)/m = d vy/dt + vx r
+
+    The box takes speed and inverse speed as independent although their product is one: sound, but wider than the truth.
 
     Args:
-        car: parameters.
+        car: the car.
         speed: interval of vx [m/s], positive.
-        outputs: any of "yaw_rate", "lateral_acceleration" (Ff + Fr) / m.
+        outputs: any of "yaw_rate", "lateral_acceleration", in this order of the output vector.
+        disturbance: add E for an unknown lateral force [N] and yaw torque [N m]; only without the accelerometer, which
+            would feel the force at once.
+
+    Returns:
+        States lateral_speed, yaw_rate; input steering; scheduling speed, inverse_speed.
+
+    Raises:
+        BadInput: empty or non-positive interval, unknown output, or a disturbance beside the accelerometer.
+
+    Reference: Wang 2014, equation 3.17.
     """
-    rows = {"yaw_rate": 0, "lateral_acceleration": 1}
-    known_keys("`outputs`", outputs, tuple(rows))
+    slow, fast = _interval("speed", speed, "m/s", positive=True)
     m, Iz, a, b = car.mass, car.yaw_inertia, car.front_axle_distance, car.rear_axle_distance
     Cf, Cr = car.front_stiffness, car.rear_stiffness
-    force = np.array([-(Cf + Cr), -(a * Cf - b * Cr)]) / m
-    moment = np.array([-(a * Cf - b * Cr), -(a * a * Cf + b * b * Cr)]) / Iz
     names = ("speed", "inverse_speed")
-    A = Polynomial(names, {(0, 1): np.stack([force, moment]), (1, 0): np.array([[0.0, -1.0], [0.0, 0.0]])})
-    picked = [rows[o] for o in outputs]
-    C = Polynomial(names, {(0, 0): np.array([[0.0, 1.0], [0.0, 0.0]])[picked], (0, 1): np.stack([0 * force, force])[picked]})
+    cross = b * Cr - a * Cf
+    forces = np.array([[-(Cf + Cr) / m, cross / m], [cross / Iz, -(a**2 * Cf + b**2 * Cr) / Iz]])
+    rows = {
+        "yaw_rate": ([0.0, 1.0], [0.0, 0.0], 0.0),
+        "lateral_acceleration": ([0.0, 0.0], list(forces[0]), Cf / m),
+    }
+    for name in outputs:
+        if name not in rows:
+            raise BadInput(f"`{name}` is no output of the lateral plant.{nearest(name, rows)}")
+    if not outputs:
+        raise BadInput("`outputs` is empty; the lateral plant needs one of yaw_rate and lateral_acceleration.")
+    if disturbance and "lateral_acceleration" in outputs:
+        raise BadInput(
+            "A lateral force reaches the accelerometer without delay, which y = C x + D u cannot say; leave `disturbance` "
+            "or `lateral_acceleration` out, and give filters a process covariance instead."
+        )
+    fixed, scheduled, direct = (np.array([rows[n][k] for n in outputs]) for k in range(3))
+    options: dict[str, Any] = {"E": np.diag([1 / m, 1 / Iz])} if disturbance else {}
     return System.lpv(
-        A,
+        Polynomial(names, {(0, 1): forces, (1, 0): np.array([[0.0, -1.0], [0.0, 0.0]])}),
         [[Cf / m], [a * Cf / Iz]],
-        C,
-        np.array([[0.0], [Cf / m]])[picked],
-        parameters=[Parameter("speed", *speed, unit="m/s"), Parameter("inverse_speed", 1 / speed[1], 1 / speed[0], "s/m")],
+        Polynomial(names, {(0, 0): fixed, (0, 1): scheduled}),
+        direct[:, None],
+        parameters=[Parameter("speed", slow, fast, "m/s"), Parameter("inverse_speed", 1 / fast, 1 / slow, "s/m")],
         states=("lateral_speed", "yaw_rate"),
         inputs=("steering",),
-        outputs=tuple(f"measured_{o}" for o in outputs),
-        units={
-            "lateral_speed": "m/s",
-            "yaw_rate": "rad/s",
-            "steering": "rad",
-            **{f"measured_{o}": {"yaw_rate": "rad/s", "lateral_acceleration": "m/s^2"}[o] for o in outputs},
-        },
-        name=f"{car.name}, lateral",
+        outputs=tuple(outputs),
+        units={k: v for k, v in _LATERAL_UNITS.items() if k != "lateral_acceleration" or k in outputs},
+        name=f"lateral motion of {car.name}",
+        **options,
     )
 
 
-def lateral_forces(car: VehicleParameters, x: Any, steering: Any, speed: Any, front: Force, rear: Force) -> tuple[Any, Any]:
-    """Return the axle forces (Ff, Fr) [N] of any tyre at a state.
+def _tyre_remainders(tyres: tuple[Tyre, Tyre], slip_limit: float | None) -> Nonlinearity:
+    if slip_limit is not None and not (np.isfinite(slip_limit) and slip_limit > 0):
+        raise BadInput(f"`slip_limit` is {slip_limit} rad; a positive finite angle is needed, or None for all angles.")
+    front, rear = tyres
+    ranges = [tyre.slope_range(np.inf if slip_limit is None else slip_limit) for tyre in tyres]
+    slopes = [[end - float(t.stiffness) for end in ends] for t, ends in zip(tyres, ranges, strict=True)]
+    lower, upper = np.diag([s[0] for s in slopes]), np.diag([s[1] for s in slopes])
 
-    Args:
-        car: parameters.
-        x: (vy [m/s], r [rad/s]).
-        steering: road-wheel angle [rad].
-        speed: vx [m/s].
-        front: slip [rad] -> front axle force [N].
-        rear: slip [rad] -> rear axle force [N].
-    """
-    a, b = car.front_axle_distance, car.rear_axle_distance
-    return front(steering - (x[0] + a * x[1]) / speed), rear(-(x[0] - b * x[1]) / speed)
+    def remainders(z: Any, u: Any) -> jax.Array:
+        return jnp.stack([front.remainder(z[0]), rear.remainder(z[1])])
+
+    domain = None if slip_limit is None else (np.full(2, -slip_limit), np.full(2, slip_limit))
+    return Nonlinearity.bounded(remainders, np.eye(2), size=2, jacobian=(lower, upper), domain=domain)
 
 
-def single_track_dynamics(car: VehicleParameters, front: Force, rear: Force) -> Callable[[Any, Any, Any, Any], Any]:
-    """Return the nonlinear motion (t, x, u, r) -> dx with x = (vy, r), u = (steering,), r = (speed, ...), any tyres.
-
-    Args:
-        car: parameters.
-        front: slip [rad] -> front axle force [N].
-        rear: slip [rad] -> rear axle force [N].
-    """
-
-    def motion(t: Any, x: Any, u: Any, r: Any) -> Any:
-        Ff, Fr = lateral_forces(car, x, u[0], r[0], front, rear)
-        yaw = (car.front_axle_distance * Ff - car.rear_axle_distance * Fr) / car.yaw_inertia
-        return jnp.stack([(Ff + Fr) / car.mass - r[0] * x[1], yaw])
-
-    return motion
+def _interval(name: str, ends: tuple[float, float], unit: str, positive: bool = False) -> tuple[float, float]:
+    lower, upper = float(ends[0]), float(ends[1])
+    if not (np.isfinite(lower) and np.isfinite(upper) and lower <= upper and (lower > 0 or not positive)):
+        needed = "two finite numbers, lower <= upper" + (", above zero" if positive else "")
+        raise BadInput(f"`{name}` is [{lower:g}, {upper:g}] {unit}; {needed}, are needed.")
+    return lower, upper

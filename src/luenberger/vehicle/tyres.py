@@ -12,11 +12,14 @@ from math import inf, isfinite
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 
 from luenberger.algebra.enclosure import enclose_jacobian
 from luenberger.core import BadInput
 from luenberger.vehicle.parameters import VehicleParameters
+
+Number = float | jax.Array | np.ndarray
 
 
 class Tyre(eqx.Module):
@@ -32,7 +35,7 @@ class Tyre(eqx.Module):
 
     @property
     @abstractmethod
-    def stiffness(self) -> ArrayLike:
+    def stiffness(self) -> Number:
         """Cornering stiffness dF/dalpha at zero slip [N/rad]."""
 
     @abstractmethod
@@ -61,14 +64,14 @@ class LinearTyre(Tyre):
         cornering: C [N/rad].
     """
 
-    cornering: ArrayLike
+    cornering: Number
 
     def __call__(self, slip_angle: ArrayLike) -> jax.Array:
         """Return C alpha [N]."""
-        return self.cornering * jnp.asarray(slip_angle)
+        return jnp.asarray(self.cornering * jnp.asarray(slip_angle))
 
     @property
-    def stiffness(self) -> ArrayLike:
+    def stiffness(self) -> Number:
         """C [N/rad]."""
         return self.cornering
 
@@ -97,21 +100,21 @@ class BrushTyre(Tyre):
     Reference: Wang 2014, equation 5.63. Equation 5.68 there leaves out the saturated branch; `remainder` keeps it.
     """
 
-    cornering: ArrayLike
-    peak: ArrayLike
+    cornering: Number
+    peak: Number
 
     def __call__(self, slip_angle: ArrayLike) -> jax.Array:
         """Return the force [N] at a slip angle [rad]."""
         x = jnp.clip(self.theta * jnp.asarray(slip_angle), -1.0, 1.0)
-        return self.peak * x * (3.0 - 3.0 * jnp.abs(x) + x * x)
+        return jnp.asarray(self.peak * x * (3.0 - 3.0 * jnp.abs(x) + x * x))
 
     @property
-    def stiffness(self) -> ArrayLike:
+    def stiffness(self) -> Number:
         """C [N/rad]."""
         return self.cornering
 
     @property
-    def theta(self) -> ArrayLike:
+    def theta(self) -> Number:
         """Inverse of the slip angle where the force saturates [1/rad]."""
         return self.cornering / (3.0 * self.peak)
 
@@ -140,18 +143,18 @@ class MagicFormulaTyre(Tyre):
     Reference: H. Pacejka, Tire and Vehicle Dynamics (2012), section 4.3, without offsets.
     """
 
-    B: ArrayLike
-    C: ArrayLike
-    D: ArrayLike
-    E: ArrayLike
+    B: Number
+    C: Number
+    D: Number
+    E: Number
 
     def __call__(self, slip_angle: ArrayLike) -> jax.Array:
         """Return the force [N] at a slip angle [rad]."""
         x = self.B * jnp.asarray(slip_angle)
-        return self.D * jnp.sin(self.C * jnp.arctan(x - self.E * (x - jnp.arctan(x))))
+        return jnp.asarray(self.D * jnp.sin(self.C * jnp.arctan(x - self.E * (x - jnp.arctan(x)))))
 
     @property
-    def stiffness(self) -> ArrayLike:
+    def stiffness(self) -> Number:
         """B C D [N/rad]."""
         return self.B * self.C * self.D
 
@@ -162,7 +165,9 @@ class MagicFormulaTyre(Tyre):
             BadInput: no finite limit.
         """
         if not (isfinite(limit) and limit > 0):
-            raise BadInput(f"`limit` is {limit} rad; the slope of a Magic Formula is bounded on a finite slip range only.")
+            raise BadInput(
+                f"`limit` is {limit} rad; the slope of a Magic Formula is bounded on a finite slip range only."
+            )
         found = enclose_jacobian(lambda z: self(z[0]), [-limit], [limit])
         return float(found.lower[0]), float(found.upper[0])
 
