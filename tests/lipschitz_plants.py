@@ -1,6 +1,7 @@
 """Plants for the tests of the Lipschitz methods."""
 
 import jax.numpy as jnp
+import numpy as np
 
 from luenberger.systems import Nonlinearity, System
 
@@ -24,3 +25,18 @@ def pendulum(lipschitz: float = 1.0, disturbed: bool = False) -> System:
 def integrator(disturbed: bool = False) -> System:
     """x' = d, y = x, for which every number is known in closed form."""
     return System.linear([[0.0]], C=[[1.0]], E=[[1.0]] if disturbed else None, name="integrator")
+
+
+def random_plant(seed: int, states: int = 3, outputs: int = 1) -> System:
+    """Plant with random matrices, one disturbance and a saturating nonlinearity of Lipschitz constant one."""
+    generator = np.random.default_rng(seed)
+    H = generator.normal(size=(2, states))
+    f = Nonlinearity.bounded(lambda z, u: jnp.tanh(z) @ jnp.array([[0.6], [0.8]]), H, lipschitz=1.0)
+    return System.nonlinear(
+        generator.normal(size=(states, states)),
+        C=generator.normal(size=(outputs, states)),
+        E=generator.normal(size=(states, 1)),
+        F=generator.normal(size=(states, 1)),
+        nonlinearity=f,
+        name=f"random {seed}",
+    )

@@ -82,7 +82,8 @@ def test_disturbance_programme_34() -> None:
         )
         solved(cp.Minimize(0.2 * squared - 0.8 * cp.lambda_min(P)), [M << 0])
         made = LipschitzDisturbance(0.1, 0.2, TRANSFORM).design(flexible_joint(direction))
-        assert made.statistics["disturbance_gain"] == pytest.approx(np.sqrt(squared.value), rel=1e-4)
+        # The objective is flat at its optimum: kappa and gain carry about the square root of the solver's accuracy.
+        assert made.statistics["disturbance_gain"] == pytest.approx(np.sqrt(squared.value), rel=1e-3)
         L = np.linalg.inv(T) @ np.linalg.solve(P.value, C_T.T) / 0.2
         np.testing.assert_allclose(np.asarray(made.gain({})), L, rtol=2e-3)
 

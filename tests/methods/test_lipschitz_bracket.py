@@ -1,8 +1,12 @@
 """Proved brackets of margins and of the largest epsilon."""
 
-import pytest
-from lipschitz_plants import POINT_THREE, integrator, pendulum
+from fractions import Fraction
 
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from lipschitz_plants import POINT_THREE, integrator, pendulum, random_plant
 from luenberger.core import BadInput, Infeasible
 from luenberger.methods.lipschitz_bracket import epsilon_interval, largest_epsilon, margin_bracket
 from luenberger.methods.lipschitz_margin import margin_at, stability_margin
@@ -80,3 +84,22 @@ def test_no_epsilon_serves_too_large_a_constant() -> None:
 def test_interval_spans_one_decade() -> None:
     good, bad = epsilon_interval(LumpedPlant.of(pendulum(), POINT_THREE))
     assert bad == pytest.approx(10 * good, rel=1e-12)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10_000), st.sampled_from([0.03, 0.3, 3.0]))
+def test_random_plants_are_bracketed(seed: int, epsilon: float) -> None:
+    plant = random_plant(seed)
+    alpha = margin_at(plant, epsilon)
+    # A margin near zero has no relative bracket.
+    assume(alpha > 1e-3)
+    found = margin_bracket(plant, epsilon=epsilon)
+    low, high = found.alpha
+    assert low < alpha * (1 + 1e-12)
+    assert alpha < high * (1 + 1e-12)
+    assert found.lower < found.upper
+    # Badly scaled plants may need a wider step; one part in a thousand is the widest that is tried.
+    assert high / low < 1 + 2e-3
+    # Half the margin as Lipschitz constant: the bracket of epsilon lies above the epsilon of the margin.
+    assert largest_epsilon(plant, 0.5 * alpha).feasible > epsilon
+    assert Fraction(0.5 * alpha) ** 2 < found.lower

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from lipschitz_plants import POINT_THREE, integrator, pendulum
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
+from lipschitz_plants import POINT_THREE, integrator, pendulum, random_plant
 from luenberger.core import BadInput, Infeasible, NotAccepted, Outcome
 from luenberger.lmi import decay_storage
 from luenberger.methods.lipschitz_bracket import largest_epsilon
+from luenberger.methods.lipschitz_margin import margin_at, stability_margin
 from luenberger.methods.lipschitz_plant import LumpedPlant
 from luenberger.methods.lipschitz_riccati import LipschitzRiccati, decay_rate, feasible_epsilon, storage_problem
 from luenberger.synthesize import synthesize
@@ -91,3 +94,17 @@ def test_refusals() -> None:
 def test_options_compare_by_value() -> None:
     assert LipschitzRiccati(0.1, np.diag([1.0, 0.3])) == LipschitzRiccati(0.1, [[1.0, 0.0], [0.0, 0.3]])
     assert len({LipschitzRiccati(0.1, [1.0, 0.3]), LipschitzRiccati(0.1, POINT_THREE)}) == 1
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10_000))
+def test_random_plants_are_proved_where_the_margin_allows(seed: int) -> None:
+    plant = random_plant(seed, outputs=2)
+    lumped = LumpedPlant.of(plant)
+    # The nonlinearity is scaled to four fifths of what epsilon = 0.1 admits.
+    margin = margin_at(plant, 0.1)
+    assume(margin > 1e-2)
+    plant = plant.replace(F=np.asarray(plant.at("F")) * 0.8 * margin / lumped.lipschitz)
+    design = synthesize(plant, LipschitzRiccati(0.1))
+    assert design.certificate.outcome is Outcome.PROVED
+    assert stability_margin(plant, design.gain_at()) > LumpedPlant.of(plant).lipschitz

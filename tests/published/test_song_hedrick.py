@@ -12,6 +12,7 @@ from luenberger.core import Infeasible, NotCertified, Outcome
 from luenberger.experiment.published.flexible_joint import PRINTED_GAINS, TRANSFORM, flexible_joint
 from luenberger.experiment.published.row import Row, Verdict
 from luenberger.experiment.published.song_hedrick import rows
+from luenberger.experiment.published.song_hedrick_figures import SECONDS, STEP, disturbed_errors, settling, start_errors
 from luenberger.experiment.published.song_hedrick_gains import attained_gains
 from luenberger.experiment.published.song_hedrick_margins import margin_table
 from luenberger.methods.lipschitz_algorithm import lipschitz_algorithm
@@ -287,3 +288,33 @@ def test_certificate_is_refused_for_a_wrong_gain() -> None:
     assert design.with_gain(PRINTED_GAINS["L2"] * [1.0, -1.0]).certificate.outcome is not Outcome.PROVED
     with pytest.raises(NotCertified):
         disturbance_bound(flexible_joint("printed"), PRINTED_GAINS["L2"] * [1.0, -1.0], TRANSFORM)
+
+
+def test_settling_is_the_last_time_outside() -> None:
+    time = np.arange(0.0, SECONDS, STEP)
+    errors = np.stack([np.exp(-time), np.exp(-2 * time)])
+    # exp(-t) leaves 5 % at log 20, found to one step.
+    assert settling(errors) == pytest.approx([np.log(20), np.log(20) / 2], abs=2 * STEP)
+
+
+def test_start_errors_follow_the_linear_loop_for_small_errors() -> None:
+    plant, L = flexible_joint("none"), PRINTED_GAINS["L1"]
+    start = 1e-6 * np.array([[1.0, -1.0, 0.5, 2.0]])
+    seen = start_errors(L, start)
+    assert seen.shape == (1, round(SECONDS / STEP))
+    assert seen[0, 0] == pytest.approx(np.linalg.norm(start), rel=1e-12)
+    # Near the same small trajectory the slope of gravity stays within the swing of the link, so decay is that of the claim.
+    claim = decay_claim(plant, Polynomial.constant(L))
+    values = np.linalg.eigvalsh(np.asarray(claim.storage))
+    time = np.arange(0.0, SECONDS, STEP)
+    bound = np.sqrt(values[-1] / values[0]) * np.linalg.norm(start) * np.exp(-claim.level * time)
+    # Cancellation in the difference of two states of size one leaves 1e-14.
+    assert np.all(seen[0] <= bound + 1e-13)
+
+
+def test_disturbed_errors_start_at_the_start_and_stay_bounded() -> None:
+    run = disturbed_errors("printed", PRINTED_GAINS["L4"])
+    np.testing.assert_array_equal(run[1:5, 0], [0.0, 0.0, 0.5, 0.0])
+    assert np.abs(run[5]).max() <= 1.0
+    # L2 gain 0.2813 of |e| for d of at most one over ten seconds, and the transient of the initial error.
+    assert np.abs(run[1:5]).max() < 5.0

@@ -7,8 +7,10 @@ for all finite reals, so that zeros of a Jacobian vanish and a product of a node
 # pyright: reportUnknownLambdaType=false, reportUnknownArgumentType=false, reportUnknownMemberType=false
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from luenberger.algebra.arithmetic import Arithmetic
 from luenberger.algebra.endpoint import OutsideDomain
@@ -169,33 +171,43 @@ def run(operations: Sequence[Operation], inputs: Sequence[Any], arithmetic: Arit
     Raises:
         NotAccepted: the arithmetic lacks an operation.
     """
+    # NaN and infinity may arise silently, as they do in JAX.
+    with np.errstate(all="ignore"):
+        return _carried_out(operations, iter(inputs), arithmetic)
+
+
+def _carried_out(operations: Sequence[Operation], given: Iterator[Any], arithmetic: Arithmetic) -> list[Any]:
     functions = arithmetic.functions
-    given = iter(inputs)
     values: list[Any] = []
+    lost = False
     for name, operands, static in operations:
-        if name == "input":
-            values.append(next(given))
-            continue
         scalars = [values[k] for k in operands]
-        lost = scalars[:1] if name == "select" else scalars
         try:
-            for scalar in lost:
-                if isinstance(scalar, OutsideDomain):
-                    raise scalar
-            if name == "constant":
-                values.append(arithmetic.constant(static[0]))
+            if lost:
+                _need_defined(scalars[:1] if name == "select" else scalars)
+            if name in functions:
+                value = functions[name](*scalars, *static)
+            elif name == "constant":
+                value = arithmetic.constant(static[0])
+            elif name == "input":
+                value = next(given)
             elif name == "select":
-                values.append(arithmetic.select(*scalars))
-            elif name in functions:
-                values.append(functions[name](*scalars, *static))
+                value = arithmetic.select(*scalars)
             else:
                 raise NotAccepted(
                     f"The function uses `{name}`, which {type(arithmetic).__name__} does not have; write it with "
                     f"{', '.join(sorted(functions))}."
                 )
         except OutsideDomain as outside:
-            values.append(outside)
+            value, lost = outside, True
+        values.append(value)
     return values
+
+
+def _need_defined(scalars: Sequence[Any]) -> None:
+    for scalar in scalars:
+        if isinstance(scalar, OutsideDomain):
+            raise scalar
 
 
 def _infinite(element: Element) -> bool:

@@ -158,6 +158,7 @@ def _folded(equation: Any, operands: list[Any]) -> list[Any]:
             return [np.indices(shape)[axis].astype(parameters["dtype"])]
         doubles = all(x.dtype == np.float64 for x in operands) and name in FLOAT.functions and name != "integer_pow"
         if operands and (doubles or name in WHOLE):
-            return [np.asarray(FLOAT.functions[name](*operands)).astype(equation.outvars[0].aval.dtype)]
+            with np.errstate(all="ignore"):
+                return [np.asarray(FLOAT.functions[name](*operands)).astype(equation.outvars[0].aval.dtype)]
     found = equation.primitive.bind(*operands, **parameters)
     return [_known(f) for f in (found if equation.primitive.multiple_results else [found])]

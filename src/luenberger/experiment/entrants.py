@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.signal import lfilter
 
 from luenberger.core import BadInput, Trajectory
 from luenberger.core.checks import known_keys, nearest
@@ -22,12 +23,15 @@ from luenberger.replay import Channels
 from luenberger.synthesize import synthesize
 from luenberger.systems.discretize import runge_kutta
 from luenberger.vehicle import (
+    BrushTyre,
+    LinearTyre,
+    SingleTrack,
+    Tyre,
     VehicleParameters,
-    lateral_forces,
-    lateral_plant,
-    linear_force,
-    low_pass,
-    parabolic_force,
+    lateral_speed_plant,
+    rear_axle_sideslip,
+    sideslip_from_lateral_speed,
+    sideslip_from_rear_slip,
     slip_angle_plant,
 )
 
@@ -128,27 +132,37 @@ def _zero(setting: Setting, options: Mapping[str, float]) -> Entrant:
     return Entrant(zero_estimate(1, setting.dt, ("sideslip",)), Channels(), lambda x, trajectory: x[:, 0])
 
 
-def _rear_axle(setting: Setting, options: Mapping[str, float]) -> Entrant:
-    car = setting.car
+def _rear_axle(tyre: str) -> Callable[[Setting, Mapping[str, float]], Entrant]:
+    def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
+        channels = Channels((), ("yaw_rate", "lateral_acceleration"), ("speed", "rear_stiffness", "friction"))
+        return Entrant(
+            AlgebraicEstimate(_rear_axle_formula(_without_tyres(setting.car), tyre), setting.dt, ("sideslip",)),
+            channels,
+            lambda x, trajectory: _low_pass(x[:, 0], setting.dt, options["time_constant"]),
+            {"rear_stiffness": setting.car.rear_stiffness, "friction": options.get("friction", 1.0)},
+        )
 
-    channels = Channels((), ("yaw_rate", "lateral_acceleration"), ("speed", "rear_stiffness"))
-    return Entrant(
-        AlgebraicEstimate(_rear_axle_formula(car.with_values(front_stiffness=1.0, rear_stiffness=1.0)), setting.dt, ("sideslip",)),
-        channels,
-        lambda x, trajectory: low_pass(x[:, 0], setting.dt, options["time_constant"]),
-        {"rear_stiffness": car.rear_stiffness},
-    )
+    return built
 
 
 @cache
-def _rear_axle_formula(car: VehicleParameters) -> Callable[[Any, Any, Any], jax.Array]:
-    """Return sideslip = b r / vx - alpha_r with alpha_r = Fr / Cr and, in steady turning, Fr = m a ay / (a + b)."""
-
+def _rear_axle_formula(car: VehicleParameters, tyre: str) -> Callable[[Any, Any, Any], jax.Array]:
     def formula(u: Any, y: Any, r: Any) -> jax.Array:
-        force = car.mass * car.front_axle_distance * y[1] / car.wheelbase
-        return jnp.atleast_1d(car.rear_axle_distance * y[0] / r[0] - force / r[1])
+        rear = LinearTyre(r[1]) if tyre == "linear" else BrushTyre(r[1], r[2] * car.rear_axle_load)
+        return jnp.atleast_1d(rear_axle_sideslip(y[0], r[0], y[1], car, tyre=rear))
 
     return formula
+
+
+def _low_pass(values: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
+    """Causal first-order filter, at rest at its first sample."""
+    keep = float(np.exp(-dt / time_constant))
+    return np.asarray(lfilter([1 - keep], [1, -keep], values, zi=[keep * values[0]])[0])
+
+
+def _without_tyres(car: VehicleParameters) -> VehicleParameters:
+    """The stiffness comes in as a signal, so cars that differ in it alone share one compiled function."""
+    return car.with_values(front_stiffness=1.0, rear_stiffness=1.0)
 
 
 def _lpv_luenberger(setting: Setting, options: Mapping[str, float]) -> Entrant:
@@ -158,14 +172,13 @@ def _lpv_luenberger(setting: Setting, options: Mapping[str, float]) -> Entrant:
     channels = Channels(("steering", "steering_rate", "yaw_rate"), ("slip_difference",), ("inverse_speed", "acceleration"))
 
     def sideslip(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
-        speed, yaw_rate = trajectory["speed"].values, trajectory["yaw_rate"].values
-        return np.arctan(car.rear_axle_distance * yaw_rate / speed - x[:, 1])
+        return np.asarray(sideslip_from_rear_slip(x[:, 1], trajectory["speed"].values, trajectory["yaw_rate"].values, car))
 
     return Entrant(design.observer(setting.dt, method="exact", clip_scheduling=True), channels, sideslip, design=design)
 
 
 def _lpv_kalman_gain(setting: Setting, options: Mapping[str, float]) -> Entrant:
-    plant = lateral_plant(setting.car, setting.speed, outputs=("yaw_rate", "lateral_acceleration"))
+    plant = lateral_speed_plant(setting.car, setting.speed, outputs=("yaw_rate", "lateral_acceleration"))
     # Covariances of sampled noise become spectral densities when multiplied by the sample time.
     densities = np.diag(np.square(SENSOR_DEVIATION)) * setting.dt
     design = synthesize(plant, KalmanGain(np.diag([1.0, 0.1]) * options["process_density"], densities))
@@ -178,9 +191,8 @@ def _filter(
 ) -> Callable[[Setting, Mapping[str, float]], Entrant]:
     def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
         car = setting.car
-        # The stiffness comes in as a signal, so cars that differ in it alone share one compiled filter.
         observer = filter_type(
-            _single_track_maps(car.with_values(front_stiffness=1.0, rear_stiffness=1.0), tyre, setting.dt),
+            _single_track_maps(_without_tyres(car), tyre, setting.dt),
             setting.dt,
             measurement_covariance=np.diag(np.square(SENSOR_DEVIATION)),
             initial_covariance=np.diag([1.0, 0.1]),
@@ -198,38 +210,39 @@ def _filter(
 def _single_track_maps(car: VehicleParameters, tyre: str, dt: float) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return (one-step map, output) of the single track with r = (speed, front stiffness, rear stiffness, friction)."""
 
-    def axle_forces(x: Any, u: Any, r: Any) -> tuple[Any, Any]:
-        def axle(stiffness: Any, load: float) -> Callable[[Any], Any]:
-            if tyre == "linear":
-                return lambda slip: linear_force(slip, stiffness)
-            return lambda slip: parabolic_force(slip, stiffness, r[3], load)
+    def model(r: Any) -> SingleTrack:
+        def axle(stiffness: Any, load: float) -> Tyre:
+            return LinearTyre(stiffness) if tyre == "linear" else BrushTyre(stiffness, r[3] * load)
 
-        return lateral_forces(car, x, u[0], r[0], axle(r[1], car.front_load), axle(r[2], car.rear_load))
+        return SingleTrack(car, axle(r[1], car.front_axle_load), axle(r[2], car.rear_axle_load))
 
     def advance(x: Any, u: Any, r: Any) -> jax.Array:
-        def slope(z: Any) -> jax.Array:
-            front, rear = axle_forces(z, u, r)
-            yaw = (car.front_axle_distance * front - car.rear_axle_distance * rear) / car.yaw_inertia
-            return jnp.stack([(front + rear) / car.mass - r[0] * z[1], yaw])
-
-        return runge_kutta(slope, x, dt)
+        return runge_kutta(lambda z: model(r)(0.0, z, u, r), x, dt)
 
     def output(x: Any, u: Any, r: Any) -> jax.Array:
-        front, rear = axle_forces(x, u, r)
-        return jnp.stack([x[1], (front + rear) / car.mass])
+        return model(r).output(0.0, x, u, r)
 
     return advance, output
 
 
 def _from_lateral_speed(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
-    return np.arctan(x[:, 0] / trajectory["speed"].values)
+    return np.asarray(sideslip_from_lateral_speed(x[:, 0], trajectory["speed"].values))
 
 
 _STIFFNESS = ("front_stiffness", "rear_stiffness")
 KINDS: Mapping[str, Kind] = {
     "zero": Kind(_zero, {}, (), "sideslip is zero"),
     "rear_axle": Kind(
-        _rear_axle, {"time_constant": 0.01}, ("rear_stiffness", "time_constant"), "rear-axle force balance from yaw rate, speed and lateral acceleration"
+        _rear_axle("linear"),
+        {"time_constant": 0.01},
+        ("rear_stiffness", "time_constant"),
+        "force balance of the rear axle from yaw rate, speed and lateral acceleration, linear tyre",
+    ),
+    "rear_axle_brush": Kind(
+        _rear_axle("brush"),
+        {"time_constant": 0.01, "friction": 1.0},
+        ("rear_stiffness", "time_constant", "friction"),
+        "the same force balance with a brush tyre that saturates",
     ),
     "lpv_luenberger": Kind(
         _lpv_luenberger, {"decay_rate": 3.0}, (*_STIFFNESS, "decay_rate"), "certified LPV observer of the slip angles from steering, speed and yaw rate"
@@ -241,15 +254,15 @@ KINDS: Mapping[str, Kind] = {
         _filter(ExtendedKalmanFilter, "linear"), {"process_density": 1.0}, (*_STIFFNESS, "process_density"), "Kalman filter, linear tyres"
     ),
     "ekf": Kind(
-        _filter(ExtendedKalmanFilter, "parabolic"),
+        _filter(ExtendedKalmanFilter, "brush"),
         {"process_density": 1.0, "friction": 1.0},
         (*_STIFFNESS, "friction"),
-        "extended Kalman filter, parabolic tyres",
+        "extended Kalman filter, brush tyres",
     ),
     "ukf": Kind(
-        _filter(UnscentedKalmanFilter, "parabolic"),
+        _filter(UnscentedKalmanFilter, "brush"),
         {"process_density": 1.0, "friction": 1.0},
         (*_STIFFNESS, "friction"),
-        "unscented Kalman filter, parabolic tyres",
+        "unscented Kalman filter, brush tyres",
     ),
 }

@@ -20,7 +20,7 @@ from luenberger.report.citations import citations
 from luenberger.report.figures import comparison_figures
 from luenberger.report.page import Page
 from luenberger.report.tables import Table
-from luenberger.vehicle import VehicleParameters, named_car, slip_angle_channels
+from luenberger.vehicle import VehicleParameters, car_named, slip_angle_channels
 
 Progress = Callable[[str, float], None]
 
@@ -104,7 +104,7 @@ def run_experiment(path: str | Path, out: str | Path = "results", progress: Prog
 
 def _car(spec: Specification) -> VehicleParameters:
     options = dict(spec.vehicle)
-    car = named_car(str(options.pop("parameters", "")))
+    car = car_named(str(options.pop("parameters", "")))
     return car.with_values(**{k: float(v) for k, v in options.items()}) if options else car
 
 
@@ -113,14 +113,14 @@ def _prepared(spec: Specification, car: VehicleParameters) -> Trajectory:
     log = read_log(spec.path, spec.channels, time=spec.time)
     start, stop = (a if a is not None else b for a, b in zip(spec.cut, (log.time[0], log.time[-1] + spec.sample_time), strict=True))
     log = log.between(float(start), float(stop)).resample(spec.sample_time)
-    truth = Signal("sideslip", "rad", np.arctan(log["lateral_speed"].values / log["speed"].values), "atan(vy / vx) of the log")
-    log = log.with_signals(truth)
+    clean_channels = slip_angle_channels(log, car)
+    truth = [clean_channels[name] for name in ("front_slip", "rear_slip", "sideslip")]
     noise = np.random.default_rng(spec.seed)
     for name, deviation in spec.noise.items():
         clean = log[name]
         values = clean.values + deviation * noise.standard_normal(len(log))
         log = log.with_signals(Signal(name, clean.unit, values, f"{clean.description} with noise of {deviation} {clean.unit}"))
-    return slip_angle_channels(log, car)
+    return slip_angle_channels(log, car).with_signals(*truth)
 
 
 def _split(spec: Specification, log: Trajectory) -> tuple[Trajectory | None, Trajectory]:

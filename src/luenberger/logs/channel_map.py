@@ -76,12 +76,13 @@ class ChannelMap:
     channels: Mapping[str, Channel]
 
 
-def channel(name: str, given: Channel | Mapping[str, Any]) -> Channel:
+def channel(name: str, given: Any) -> Channel:
     """Read one channel from a TOML table or dictionary.
 
     Args:
         name: our name of the signal, for messages.
-        given: keys column (text or list of texts to average), unit, and where needed scale, offset, sign, description.
+        given: a `Channel`, or a mapping with keys column (text or list of texts to average), unit, and where needed
+            scale, offset, sign, description.
 
     Raises:
         BadInput: unknown or missing key, value of the wrong kind, or what `Channel` refuses.

@@ -82,12 +82,9 @@ def _text_columns(
         with warnings.catch_warnings():
             # Pandas only warns where a line has more cells than the header, and then shifts or drops them.
             warnings.simplefilter("error", pd.errors.ParserWarning)
-            # The fast float parser of pandas is off by a bit in the last place; a log is read as it is printed.
-            table = pd.read_csv(path, dtype=np.float64, float_precision="round_trip", **options)
+            table = pd.read_csv(path, dtype=np.float64, **options)
     except (pd.errors.ParserError, pd.errors.ParserWarning) as cause:
-        raise BadInput(
-            f"`{path.name}` is no regular table: {str(cause).strip()}. Every line needs {len(header)} cells, as in the header."
-        ) from None
+        raise BadInput(f"`{path.name}` is no regular table: {str(cause).strip()}. Correct that line.") from None
     except ValueError as cause:
         raise _text_cell(path, places, options, cause) from None
     if len(table) == 0:
@@ -97,18 +94,28 @@ def _text_columns(
 
 
 def _header(path: Path, separator: str | None, skipped: set[int]) -> tuple[list[str], str]:
-    """Return the column names and the separator found in the first line that is neither skipped nor blank."""
-    with (gzip.open if path.name.lower().endswith(".gz") else open)(path, "rt", encoding="utf-8-sig") as lines:
-        first = next((line for k, line in enumerate(lines) if k not in skipped and line.strip()), None)
-    if first is None:
-        raise BadInput(f"`{path.name}` is empty; give a log with a header line and at least two samples.")
-    if separator is None:
-        separator = max(_SEPARATORS, key=first.count)
-    names = [cell.strip() for cell in next(csv.reader([first.rstrip("\r\n")], delimiter=separator))]
-    if all(_is_number(name) for name in names if name):
-        raise BadInput(
-            f"`{path.name}` has no header: its first line is `{first.strip()[:60]}`. Put a line with the column names on top."
-        )
+    """Return the column names and the separator, from the first line that is neither skipped nor blank."""
+    with (gzip.open if path.name.lower().endswith(".gz") else open)(path, "rt", encoding="utf-8-sig") as file:
+        lines = ((k, line) for k, line in enumerate(file) if k not in skipped and line.strip())
+        _, first = next(lines, (0, None))
+        if first is None:
+            raise BadInput(f"`{path.name}` is empty; give a log with a header line and at least two samples.")
+        if separator is None:
+            separator = max(_SEPARATORS, key=first.count)
+        names = [cell.strip() for cell in next(csv.reader([first.rstrip("\r\n")], delimiter=separator))]
+        if all(_is_number(name) for name in names if name):
+            raise BadInput(
+                f"`{path.name}` has no header: its first line is `{first.strip()[:60]}`. Put a line with the column names on top."
+            )
+        # Pandas drops surplus cells in silence: a decimal comma, or two lines run together, would pass as numbers.
+        for k, line in lines:
+            if line.count(separator) >= len(names):
+                cells = next(csv.reader([line.rstrip("\r\n")], delimiter=separator))
+                if any(cell.strip() for cell in cells[len(names) :]):
+                    raise BadInput(
+                        f"Line {k + 1} of `{path.name}` has {len(cells)} cells but the header has {len(names)}; every line needs as "
+                        "many. Name the right `separator` and `decimal` mark, or leave the line out with `skip_lines`."
+                    )
     return names, separator
 
 

@@ -102,7 +102,7 @@ def lipschitz_algorithm(
         >>> import jax.numpy as jnp
         >>> import luenberger as lb
         >>> from luenberger.methods.lipschitz_algorithm import lipschitz_algorithm
-        >>> sine = lb.Nonlinearity.bounded(lambda z, u: -jnp.sin(z), [[1, 0]], lipschitz=1.0)
+        >>> sine = lb.Nonlinearity.bounded(lambda z, u: -3 * jnp.sin(z), [[1, 0]], lipschitz=3.0)
         >>> pendulum = lb.System.nonlinear([[0, 1], [0, -0.1]], C=[[1, 0]], F=[[0], [1]], nonlinearity=sine)
         >>> report = lipschitz_algorithm(pendulum, [None, (1.0, 0.3)])
         >>> report.transform, report.bracket.feasible < report.bracket.infeasible

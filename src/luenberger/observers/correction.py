@@ -18,7 +18,8 @@ from luenberger.systems.exponential import HoldOrder, affine_hold, hold_order, p
 from luenberger.systems.matrix import MatrixFunction, PlantMatrix
 from luenberger.systems.system import System
 
-# A sub-step of half the fastest time constant: well inside the stability region (|h s| < 2.7), 3e-4 error a time constant.
+# A sub-step of half the fastest time constant is well inside the stability region (|h s| < 2.78) and costs an error of
+# 3e-4 of the start value over that time constant.
 LARGEST_STEP = 0.5
 MOST_SUBSTEPS = 50
 

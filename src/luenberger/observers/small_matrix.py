@@ -4,6 +4,8 @@ LAPACK calls are slow to start inside a compiled loop and cannot be written as C
 are faster and hold nothing but additions, products, one division and one root a column.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,21 +19,22 @@ __all__ = ["cholesky", "product", "solve_lower", "solve_positive", "solve_upper"
 def cholesky(A: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """Return the lower triangular L with L L' = A.
 
-    A pivot that is zero within rounding gives a zero column, so a state known exactly (a zero row of a covariance) is
-    allowed; a pivot that is clearly negative gives NaN, so an indefinite matrix is never repaired in silence.
+    A pivot that is zero within rounding gives a zero column, so singular covariances (a state known exactly, perfectly
+    correlated states) are allowed; a pivot below -sqrt(eps) of its diagonal entry gives NaN, so a clearly indefinite
+    matrix is never repaired in silence.
 
     Args:
         A: symmetric positive semidefinite matrix; only its lower triangle counts.
     """
     n = A.shape[0]
-    rounding = 8.0 * n * jnp.finfo(A.dtype).eps
+    eps = float(jnp.finfo(A.dtype).eps)
     rows = np.arange(n)
     columns = []
     rest = A
     for j in range(n):
         pivot = rest[j, j]
-        positive = pivot > rounding * A[j, j]
-        zero = jnp.abs(pivot) <= rounding * jnp.abs(A[j, j])
+        positive = pivot > n * eps * A[j, j]
+        zero = jnp.abs(pivot) <= math.sqrt(eps) * jnp.abs(A[j, j])
         inverse_root = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, pivot, 1.0)), jnp.where(zero, 0.0, jnp.nan))
         column = jnp.where(rows >= j, rest[:, j] * inverse_root, 0.0)
         columns.append(column)

@@ -2,7 +2,6 @@
 
 from luenberger.vehicle.algebraic import rear_axle_force, rear_axle_sideslip
 from luenberger.vehicle.cars import CARS, car_named, carmaker_car, ferrari_250lm, wang_car
-from luenberger.vehicle.channels import rate_of_change, slip_angle_channels
 from luenberger.vehicle.parameters import Quantity, VehicleParameters
 from luenberger.vehicle.sideslip import (
     lateral_speed_from_front_slip,
@@ -12,6 +11,7 @@ from luenberger.vehicle.sideslip import (
     slip_angles,
 )
 from luenberger.vehicle.single_track import lateral_speed_plant, slip_angle_plant
+from luenberger.vehicle.slip_channels import rate_of_change, slip_angle_channels
 from luenberger.vehicle.truth import SingleTrack
 from luenberger.vehicle.tyres import BrushTyre, LinearTyre, MagicFormulaTyre, Tyre, brush_tyres, linear_tyres
 

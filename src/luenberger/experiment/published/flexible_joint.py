@@ -1,6 +1,6 @@
 """The single-link robot arm with a flexible joint on which Lipschitz observers are compared since 1994."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +22,7 @@ PRINTED_GAINS: dict[str, np.ndarray] = {
 }
 
 
-def gravity(z: jax.Array, u: jax.Array) -> jax.Array:
+def gravity(z: Any, u: Any) -> jax.Array:
     """Return the angular acceleration of the link by gravity, -3.33 sin(link angle) [rad/s^2].
 
     Args:
@@ -39,8 +39,8 @@ def flexible_joint(disturbance: Direction = "printed") -> System:
     three entries for four states; the zero they lack is put back so that torque enters at the motor and gravity at the link.
 
     Args:
-        disturbance: "printed" is E = (0, 2, 0, 0), "motor_angle" is E = (1, 0, 0, 0), with which the printed fourth gain
-            was computed, "none" leaves the plant undisturbed.
+        disturbance: "printed" is E = (0, 2, 0, 0), "motor_angle" is E = (1, 0, 0, 0), which reproduces the
+            printed fourth gain, "none" leaves the plant undisturbed.
 
     Reference: B. Song, J. K. Hedrick, ACC 2011, section V, (35); S. Raghavan, J. K. Hedrick, Int. J. Control 59 (1994)
     515-528; R. Rajamani, Y. M. Cho, Int. J. Control 69 (1998) 717-731.

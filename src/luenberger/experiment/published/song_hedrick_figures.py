@@ -128,7 +128,7 @@ def _figure_five(direction: Direction, errors: dict[str, np.ndarray]) -> Row:
     closer = tail["L3"] < 0.5 * tail["L1"] and tail["L4"] < 0.5 * tail["L1"]
     word = "B_d = (1, 0, 0, 0)" if direction == "motor_angle" else "B_d = (0, 2, 0, 0) as printed"
     reason = (
-        "The claim holds with the disturbance on the motor angle, the one L3 and L4 were computed for; L4 lies between L1 and L3, not at L3."
+        "The claim holds with the disturbance on the motor angle, the one that reproduces L4; L4 lies between L1 and L3, not at L3."
         if closer
         else "With the printed B_d the error of L3 and L4 is smaller only during the transient; in the tail the three are alike."
     )
