@@ -83,7 +83,7 @@ def test_missing_entries_correct_nothing(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("plant", "method"),
-    [(PLANTS["two mass"], "rk4"), (PLANTS["car"], "rk4"), (two_mass(), "exact"), (car(), "exact"), (car(), "rk4"), (car(), "euler")],
+    [(PLANTS["two mass"], "rk4"), (two_mass(), "exact"), (car(), "exact"), (car(), "rk4")],
 )
 def test_three_filters_are_one_on_linear_plants(plant: System, method: str) -> None:
     record, x0 = samples(plant), np.linspace(1.0, -1.0, plant.nx)
@@ -150,12 +150,12 @@ def test_a_system_and_its_two_functions_give_one_filter(kind: type) -> None:
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
 def test_nonlinear_filters_find_the_pendulum(kind: type) -> None:
     plant, rng = pendulum(), np.random.default_rng(1)
-    step, x, xs, ys = one_step(plant, DT), jnp.array([1.2, 0.0]), [], []
+    step, x, xs, ys = eqx.filter_jit(one_step(plant, DT)), jnp.array([1.2, 0.0]), [], []
     us = np.sin(0.05 * np.arange(500))[:, None]
     for u in us:
         xs.append(np.asarray(x))
         ys.append(np.asarray(x[:1]) + 0.02 * rng.normal(size=1))
-        x = jax.jit(step)(x, u, jnp.zeros(0))
+        x = step(x, u, jnp.zeros(0))
     given = {"measurement_covariance": [[4e-4]], "process_covariance": 1e-8 * np.eye(2), "initial_covariance": np.eye(2)}
     found, covariance = run(kind(plant, DT, **given), np.array([0.3, 1.0]), (us, np.array(ys), np.zeros((500, 0))))
     error = (found - np.array(xs))[100:]

@@ -1,5 +1,6 @@
 """The unscented filter against filterpy on nonlinear plants, and against moments known in closed form."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +19,7 @@ GIVEN = {"process_covariance": np.diag([1e-4, 1e-3]), "measurement_covariance": 
 @pytest.mark.parametrize(("alpha", "beta", "kappa"), [(1.0, 2.0, 0.0), (0.5, 2.0, 1.0), (1.0, 0.0, 1.0)])
 def test_equals_filterpy_on_a_nonlinear_plant(alpha: float, beta: float, kappa: float) -> None:
     plant, log = pendulum(), drive(pendulum(), 100)
-    step = jax.jit(one_step(plant, DT))
+    step = eqx.filter_jit(one_step(plant, DT))
     u, y = log.table(plant.inputs), log.table(plant.outputs)
     other = Filterpy(2, 1, DT, hx=lambda x: np.sin(x[:1]), fx=lambda x, dt, u: np.asarray(step(x, u, jnp.zeros(0))), points=MerweScaledSigmaPoints(2, alpha, beta, kappa))
     other.x, other.P = np.array([1.0, 0.0]), np.array(GIVEN["initial_covariance"])
@@ -27,7 +28,7 @@ def test_equals_filterpy_on_a_nonlinear_plant(alpha: float, beta: float, kappa: 
     other.sigmas_f = other.points_fn.sigma_points(other.x, other.P)
     advance = one_step(plant, DT)
     observer = UnscentedKalmanFilter((advance, lambda x, u, r: jnp.sin(x[:1])), DT, alpha=alpha, beta=beta, kappa=kappa, **GIVEN)
-    state, ours = observer.init([1.0, 0.0]), jax.jit(observer.step)
+    state, ours = observer.init([1.0, 0.0]), eqx.filter_jit(observer.step)
     for k in range(100):
         state, estimate = ours(state, u[k], y[k], jnp.zeros(0))
         other.update(y[k])

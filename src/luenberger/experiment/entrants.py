@@ -28,6 +28,7 @@ from luenberger.vehicle import (
     SingleTrack,
     Tyre,
     VehicleParameters,
+    brush_tyres,
     lateral_speed_plant,
     rear_axle_sideslip,
     sideslip_from_lateral_speed,
@@ -162,19 +163,33 @@ def _low_pass(values: np.ndarray, dt: float, time_constant: float) -> np.ndarray
 
 def _without_tyres(car: VehicleParameters) -> VehicleParameters:
     """The stiffness comes in as a signal, so cars that differ in it alone share one compiled function."""
-    return car.with_values(front_stiffness=1.0, rear_stiffness=1.0)
+    return car.with_values("read from a signal", front_stiffness=1.0, rear_stiffness=1.0)
 
 
-def _lpv_luenberger(setting: Setting, options: Mapping[str, float]) -> Entrant:
-    car = setting.car
-    plant = slip_angle_plant(car, setting.speed, setting.acceleration)
-    design = synthesize(plant, PolytopicLuenberger(decay_rate=options["decay_rate"]))
-    channels = Channels(("steering", "steering_rate", "yaw_rate"), ("slip_difference",), ("inverse_speed", "acceleration"))
+def _lpv_luenberger(tyre: str) -> Callable[[Setting, Mapping[str, float]], Entrant]:
+    def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
+        car = setting.car
+        if tyre == "linear":
+            plant = slip_angle_plant(car, setting.speed, setting.acceleration)
+        else:
+            tyres = brush_tyres(car.with_values(friction=options["friction"]))
+            limit = options["slip_limit"]
+            plant = slip_angle_plant(car, setting.speed, setting.acceleration, tyres=tyres, slip_limit=limit)
+        design = synthesize(plant, PolytopicLuenberger(decay_rate=options["decay_rate"]))
+        channels = Channels(
+            ("steering", "steering_rate", "yaw_rate"), ("slip_difference",), ("inverse_speed", "acceleration")
+        )
 
-    def sideslip(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
-        return np.asarray(sideslip_from_rear_slip(x[:, 1], trajectory["speed"].values, trajectory["yaw_rate"].values, car))
+        def sideslip(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
+            speed, yaw_rate = trajectory["speed"].values, trajectory["yaw_rate"].values
+            return np.asarray(sideslip_from_rear_slip(x[:, 1], speed, yaw_rate, car))
 
-    return Entrant(design.observer(setting.dt, method="exact", clip_scheduling=True), channels, sideslip, design=design)
+        # The linear loop is held exactly; with tyres in it Runge-Kutta follows their curve.
+        method = "exact" if tyre == "linear" else "rk4"
+        observer = design.observer(setting.dt, method=method, clip_scheduling=True)
+        return Entrant(observer, channels, sideslip, design=design)
+
+    return built
 
 
 def _lpv_kalman_gain(setting: Setting, options: Mapping[str, float]) -> Entrant:
@@ -183,7 +198,9 @@ def _lpv_kalman_gain(setting: Setting, options: Mapping[str, float]) -> Entrant:
     densities = np.diag(np.square(SENSOR_DEVIATION)) * setting.dt
     design = synthesize(plant, KalmanGain(np.diag([1.0, 0.1]) * options["process_density"], densities))
     channels = Channels(("steering",), ("yaw_rate", "lateral_acceleration"), ("speed", "inverse_speed"))
-    return Entrant(design.observer(setting.dt, method="exact", clip_scheduling=True), channels, _from_lateral_speed, design=design)
+    return Entrant(
+        design.observer(setting.dt, method="exact", clip_scheduling=True), channels, _from_lateral_speed, design=design
+    )
 
 
 def _filter(
@@ -200,7 +217,9 @@ def _filter(
             states=("lateral_speed", "yaw_rate"),
         )
         channels = Channels(("steering",), ("yaw_rate", "lateral_acceleration"), ("speed", *TYRE))
-        constants = dict(zip(TYRE, (car.front_stiffness, car.rear_stiffness, options.get("friction", 1.0)), strict=True))
+        constants = dict(
+            zip(TYRE, (car.front_stiffness, car.rear_stiffness, options.get("friction", 1.0)), strict=True)
+        )
         return Entrant(observer, channels, _from_lateral_speed, constants)
 
     return built
@@ -244,14 +263,29 @@ KINDS: Mapping[str, Kind] = {
         ("rear_stiffness", "time_constant", "friction"),
         "the same force balance with a brush tyre that saturates",
     ),
+    "lpv_brush": Kind(
+        _lpv_luenberger("brush"),
+        {"decay_rate": 0.3, "friction": 1.0, "slip_limit": 0.1},
+        (*_STIFFNESS, "friction"),
+        "certified LPV observer of the slip angles with brush tyres, from steering, speed and yaw rate",
+    ),
     "lpv_luenberger": Kind(
-        _lpv_luenberger, {"decay_rate": 3.0}, (*_STIFFNESS, "decay_rate"), "certified LPV observer of the slip angles from steering, speed and yaw rate"
+        _lpv_luenberger("linear"),
+        {"decay_rate": 3.0},
+        (*_STIFFNESS, "decay_rate"),
+        "certified LPV observer of the slip angles from steering, speed and yaw rate",
     ),
     "lpv_kalman_gain": Kind(
-        _lpv_kalman_gain, {"process_density": 1.0}, (*_STIFFNESS, "process_density"), "certified LPV Kalman gain from yaw rate and lateral acceleration"
+        _lpv_kalman_gain,
+        {"process_density": 1.0},
+        (*_STIFFNESS, "process_density"),
+        "certified LPV Kalman gain from yaw rate and lateral acceleration",
     ),
     "kalman": Kind(
-        _filter(ExtendedKalmanFilter, "linear"), {"process_density": 1.0}, (*_STIFFNESS, "process_density"), "Kalman filter, linear tyres"
+        _filter(ExtendedKalmanFilter, "linear"),
+        {"process_density": 1.0},
+        (*_STIFFNESS, "process_density"),
+        "Kalman filter, linear tyres",
     ),
     "ekf": Kind(
         _filter(ExtendedKalmanFilter, "brush"),

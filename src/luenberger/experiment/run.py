@@ -97,7 +97,9 @@ def run_experiment(path: str | Path, out: str | Path = "results", progress: Prog
     errors = {name: _rmse(sideslip[name], scored, spec.skip) for name in entrants}
     table = _table(spec, entrants, scored, sideslip, errors, seconds, knobs)
     summary = _summary(spec, errors)
-    page, files = _written(spec, Path(out) / Path(path).stem, entrants, scored, sideslip, errors, seconds, table, summary)
+    page, files = _written(
+        spec, Path(out) / Path(path).stem, entrants, scored, sideslip, errors, seconds, table, summary
+    )
     tell("done", 1.0)
     return Result(spec.title, summary, table, page, files, entrants, sideslip, scored, errors)
 
@@ -111,7 +113,9 @@ def _car(spec: Specification) -> VehicleParameters:
 def _prepared(spec: Specification, car: VehicleParameters) -> Trajectory:
     """Read, cut, bring to a uniform step, disturb the sensors, and add the channels that plants are scheduled by."""
     log = read_log(spec.path, spec.channels, time=spec.time)
-    start, stop = (a if a is not None else b for a, b in zip(spec.cut, (log.time[0], log.time[-1] + spec.sample_time), strict=True))
+    start, stop = (
+        a if a is not None else b for a, b in zip(spec.cut, (log.time[0], log.time[-1] + spec.sample_time), strict=True)
+    )
     log = log.between(float(start), float(stop)).resample(spec.sample_time)
     clean_channels = slip_angle_channels(log, car)
     truth = [clean_channels[name] for name in ("front_slip", "rear_slip", "sideslip")]
@@ -119,7 +123,9 @@ def _prepared(spec: Specification, car: VehicleParameters) -> Trajectory:
     for name, deviation in spec.noise.items():
         clean = log[name]
         values = clean.values + deviation * noise.standard_normal(len(log))
-        log = log.with_signals(Signal(name, clean.unit, values, f"{clean.description} with noise of {deviation} {clean.unit}"))
+        log = log.with_signals(
+            Signal(name, clean.unit, values, f"{clean.description} with noise of {deviation} {clean.unit}")
+        )
     return slip_angle_channels(log, car).with_signals(*truth)
 
 
@@ -151,7 +157,9 @@ def _replayed(
     for name, entrant in entrants.items():
         # Entrants may hold different numbers under one name, so each gets channels of its own for them.
         own = {n: f"{name}: {n}" for n in entrant.constants}
-        constants = [Signal(own[n], "", np.full(len(log), v), "constant of an entrant") for n, v in entrant.constants.items()]
+        constants = [
+            Signal(own[n], "", np.full(len(log), v), "constant of an entrant") for n, v in entrant.constants.items()
+        ]
         log = log.with_signals(*constants)
         read = entrant.channels
         channels[name] = Channels(read.inputs, read.outputs, tuple(own.get(n, n) for n in read.scheduling))
@@ -195,7 +203,16 @@ def _table(
         )
     first = ["RMSE tuning half [deg]"] if knobs else []
     last = ["tuned to"] if knobs else []
-    columns = ["entrant", *first, "RMSE [deg]", "largest error [deg]", "mean error [deg]", "time a step [us]", "certificate", *last]
+    columns = [
+        "entrant",
+        *first,
+        "RMSE [deg]",
+        "largest error [deg]",
+        "mean error [deg]",
+        "time a step [us]",
+        "certificate",
+        *last,
+    ]
     notes = [f"{name}: {kind_of(options).sentence}." for name, options in spec.entrants.items()]
     if knobs:
         counts = ", ".join(f"{name} {len(t.knobs)} knobs {t.evaluations} replays" for name, t in knobs.items())
@@ -214,7 +231,9 @@ def _summary(spec: Specification, errors: Mapping[str, float]) -> str:
         one, other = ours[0], others[0]
         gap = degrees[one] / degrees[other] - 1
         verdict = f"{abs(gap):.0%} {'better' if gap < 0 else 'worse'} than" if abs(gap) >= 0.01 else "level with"
-        lines.append(f"Our best certified observer, {one}, reaches {degrees[one]:.3f} deg, {verdict} the best of the others, {other}.")
+        lines.append(
+            f"Our best certified observer, {one}, reaches {degrees[one]:.3f} deg, {verdict} the best of the others, {other}."
+        )
     return " ".join(lines)
 
 
@@ -271,7 +290,9 @@ def _assumptions(spec: Specification, designs: Mapping[str, Design], log: Trajec
     noise = ", ".join(f"{n} {v:g}" for n, v in spec.noise.items())
     return [
         *(f"{name}: {line}" for name, design in designs.items() for line in _broken(design, log)),
-        f"White noise was added to the log: {noise} (standard deviations, SI)." if noise else "The log was replayed as it is.",
+        f"White noise was added to the log: {noise} (standard deviations, SI)."
+        if noise
+        else "The log was replayed as it is.",
     ]
 
 
@@ -281,4 +302,6 @@ def _broken(design: Design, log: Trajectory) -> list[str]:
     for name, (lower, upper) in design.system.scheduling_box.items():
         inside &= (log[name].values >= lower) & (log[name].values <= upper)
     box = ", ".join(design.system.scheduling_box)
-    return [f"The log lay inside the trusted box of {box} for {inside.mean():.1%} of the samples; scheduling was clipped to it outside."]
+    return [
+        f"The log lay inside the trusted box of {box} for {inside.mean():.1%} of the samples; scheduling was clipped to it outside."
+    ]

@@ -14,7 +14,15 @@ CHANNELS = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_accelerat
 _KEYS = {
     "the experiment": ("title", "log", "vehicle", "domain", "sensors", "score", "fit", "entrants"),
     "[log]": ("path", "attribution", "time", "sample_time", "start", "stop", "channels"),
-    "[vehicle]": ("parameters", "mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "front_stiffness", "rear_stiffness"),
+    "[vehicle]": (
+        "parameters",
+        "mass",
+        "yaw_inertia",
+        "front_axle_distance",
+        "rear_axle_distance",
+        "front_stiffness",
+        "rear_stiffness",
+    ),
     "[domain]": ("speed", "acceleration"),
     "[sensors]": ("seed", *CHANNELS),
     "[score]": ("skip",),
@@ -118,12 +126,19 @@ def _log_path(text: str, spec: Path) -> Path:
     found = next((c for c in candidates if c.is_file()), None)
     if found is None:
         shipped = ", ".join(sorted(p.name for p in DATA.glob("*.csv")))
-        raise BadInput(f"The log `{text}` is neither beside `{spec.name}` nor shipped with the package ({shipped}); correct [log] path.")
+        raise BadInput(
+            f"The log `{text}` is neither beside `{spec.name}` nor shipped with the package ({shipped}); correct [log] path."
+        )
     return found
 
 
 def _interval(value: Any, name: str, unit: str, positive: bool = False) -> tuple[float, float]:
-    good = isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value) and value[0] < value[1]
+    good = (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(isinstance(v, int | float) for v in value)
+        and value[0] < value[1]
+    )
     if not good or (positive and value[0] <= 0):
         needed = f"two increasing {'positive ' if positive else ''}numbers [lower, upper] in {unit}"
         raise BadInput(f"[domain] {name} is {value!r}; {needed} are needed.")

@@ -108,7 +108,7 @@ def _fourth() -> Iterator[Row]:
             _numbers(printed),
             f"{_numbers(gain)}; kappa = {design.statistics['disturbance_gain']:.6f}, lmin(P) = {design.statistics['smallest_eigenvalue']:.6f}",
             "Every printed digit is obtained with the disturbance on the motor angle and (34) as printed. That the authors ran this B_d is an "
-            "inference: b times it, with kappa^2 weighted by b^2, gives the same gain."
+            "inference: b times it, with kappa^2 weighted by 1 / b^2, gives the same gain."
             if matches
             else "With the printed B_d the optimum is this other, certified gain; the print is matched by B_d = (1, 0, 0, 0), see the next row.",
             reproduced=matches,
