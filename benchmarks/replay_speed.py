@@ -95,8 +95,8 @@ def observers(plant: System) -> dict[str, Observer]:
 def filterpy_step(plant: System, drive: Trajectory) -> float:
     """Return seconds per step of filterpy's unscented filter with the same Runge-Kutta map written in NumPy."""
     u, y, r = (drive.table(names)[:CUT] for names in (CHANNELS.inputs, CHANNELS.outputs, CHANNELS.scheduling))
-    slip = plant.A.terms[(0, 1)]
-    B, D = (np.asarray(matrix({})) for matrix in (plant.B, plant.D))
+    slip = plant.polynomial("A").terms[(0, 1)]
+    B, D = (np.asarray(plant.polynomial(letter)({})) for letter in "BD")
 
     def advance(x: np.ndarray, dt: float, u: np.ndarray, r: np.ndarray) -> np.ndarray:
         A = r[1] * slip + np.array([[0.0, -r[0]], [0.0, 0.0]])

@@ -3,22 +3,32 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 
 from luenberger.algebra import Polynomial
-from luenberger.methods import Method, PolytopicLuenberger, StructuredLipschitz
+from luenberger.experiment.published.flexible_joint import TRANSFORM, flexible_joint, gravity
+from luenberger.methods import (
+    KalmanGain,
+    LipschitzDisturbance,
+    LipschitzPareto,
+    LipschitzRiccati,
+    Method,
+    PolytopicLuenberger,
+    StructuredLipschitz,
+)
 from luenberger.systems import Nonlinearity, Parameter, System
+from luenberger.vehicle import brush_tyres, carmaker_car, slip_angle_plant
 
 
 @dataclass(frozen=True)
 class Row:
-    """A method on a plant, and how far initial errors and inputs of the laws reach."""
+    """A method on a plant; how far the initial errors of the laws reach, and the amplitude of their inputs."""
 
     name: str
     system: Callable[[], System]
     method: Method
     reach: float = 1.0
+    drive: float = 1.0
 
 
 def oscillator() -> System:
@@ -41,14 +51,23 @@ def scheduled_oscillator() -> System:
 
 
 def robot(bound: str = "lipschitz") -> System:
-    """Flexible-joint robot of Song and Hedrick, motor angle and speed measured."""
-    A = [[0.0, 1.0, 0.0, 0.0], [-48.6, -1.25, 48.6, 0.0], [0.0, 0.0, 0.0, 1.0], [19.5, 0.0, -19.5, 0.0]]
-    limits = {"lipschitz": {"lipschitz": 3.33}, "jacobian": {"jacobian": ([[-3.33]], [[3.33]])}}[bound]
-    f = Nonlinearity.bounded(lambda z, u: -3.33 * jnp.sin(z), [[0.0, 0.0, 1.0, 0.0]], **limits)
-    C = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]
-    B = [[0.0], [21.6], [0.0], [0.0]]
-    E = [[0.0], [2.0], [0.0], [0.0]]
-    return System.nonlinear(A, B, C, F=[[0.0], [0.0], [0.0], [1.0]], E=E, nonlinearity=f, name="flexible joint")
+    """Flexible-joint robot of Song and Hedrick, motor angle and speed measured, with either kind of bound."""
+    plant = flexible_joint()
+    if bound == "lipschitz":
+        return plant
+    f = Nonlinearity.bounded(gravity, [[0.0, 0.0, 1.0, 0.0]], jacobian=([[-3.33]], [[3.33]]))
+    return plant.replace(nonlinearity=f)
+
+
+def slip_angle_car() -> System:
+    """Slip angles of the CarMaker car between 15 and 150 km/h."""
+    return slip_angle_plant(carmaker_car, (15 / 3.6, 150 / 3.6), (-8.0, 4.0))
+
+
+def saturating_car() -> System:
+    """Slip angles of the CarMaker car with brush tyres, up to 0.03 rad, at 54 to 108 km/h."""
+    car = carmaker_car
+    return slip_angle_plant(car, (15.0, 30.0), (-4.0, 2.0), tyres=brush_tyres(car), slip_limit=0.03)
 
 
 ROWS = (
@@ -57,5 +76,12 @@ ROWS = (
     Row("polytopic, one gain", scheduled_oscillator, PolytopicLuenberger(decay_rate=0.3, schedule="constant")),
     Row("polytopic, Jacobian box", lambda: robot("jacobian"), PolytopicLuenberger(decay_rate=1.0)),
     Row("structured Lipschitz", robot, StructuredLipschitz(decay_rate=1.0)),
+    Row("polytopic, slip angles", slip_angle_car, PolytopicLuenberger(decay_rate=3.0), reach=0.1),
+    Row("polytopic, brush tyres", saturating_car, PolytopicLuenberger(decay_rate=1.0), reach=0.01, drive=0.0),
+    Row("Kalman gain, linear", oscillator, KalmanGain(np.eye(2), np.eye(1))),
+    Row("Kalman gain, scheduled", scheduled_oscillator, KalmanGain(np.eye(2), np.eye(1))),
+    Row("Lipschitz by Riccati", robot, LipschitzRiccati(1.0, TRANSFORM)),
+    Row("Lipschitz, Pareto", robot, LipschitzPareto(0.5, 1 / 4.0, TRANSFORM)),
+    Row("Lipschitz with disturbance", lambda: flexible_joint("motor_angle"), LipschitzDisturbance(0.1, 0.2, TRANSFORM)),
     Row("structured Lipschitz, no decay asked", robot, StructuredLipschitz()),
 )

@@ -74,8 +74,12 @@ def _rounded(coefficient: np.ndarray, digits: int) -> np.ndarray:
 def _options(method: Method) -> dict[str, Any]:
     if not is_dataclass(method):
         return {}
-    return {k: v if isinstance(v, int | float | str | bool | None) else _plain(v) for k, v in asdict(method).items()}
+    return {k: _plain(v) for k, v in asdict(method).items()}
 
 
 def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, dict | list) else str(value)
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, int | float | str | bool | dict | None):
+        return value
+    return value.tolist() if hasattr(value, "tolist") else str(value)

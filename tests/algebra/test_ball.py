@@ -151,13 +151,16 @@ def test_square_knows_that_both_factors_are_one() -> None:
 
 def test_wide_intervals_keep_their_ends() -> None:
     ball = Ball.hull(-1e300, 1e-300) + Ball.hull(1.0, 1.0)
-    assert ball.contains(1) and ball.upper > 1.0 and ball.lower == -1e300
+    assert ball.contains(1)
+    assert ball.upper > 1.0
+    assert ball.lower == -1e300
     assert Ball.hull(0.1, 0.7).lower_exact == fmpq(*(0.1).as_integer_ratio())
 
 
 def test_a_rational_that_128_bits_do_not_hold_is_enclosed() -> None:
     third = Ball.exact(Fraction(1, 3))
-    assert third.contains(fmpq(1, 3)) and not third.is_point
+    assert third.contains(fmpq(1, 3))
+    assert not third.is_point
     assert third.lower < third.upper == np.nextafter(third.lower, 1.0)
     assert third.width <= 2.0**-128
 
@@ -166,8 +169,10 @@ def test_a_rational_that_128_bits_do_not_hold_is_enclosed() -> None:
 def test_doubles_survive_the_round_trip(value: float) -> None:
     ball = Ball.exact(value)
     assert ball.lower == ball.upper == value
-    assert ball.is_point and ball.contains(value)
-    assert not ball.contains(np.nextafter(value, math.inf)) and not ball.contains(np.nextafter(value, -math.inf))
+    assert ball.is_point
+    assert ball.contains(value)
+    assert not ball.contains(math.nextafter(value, math.inf))
+    assert not ball.contains(math.nextafter(value, -math.inf))
 
 
 def test_float_ends_round_outward_also_beyond_the_doubles() -> None:
@@ -185,16 +190,26 @@ def test_no_bound_reads_minus_zero() -> None:
 
 def test_comparisons_have_three_answers() -> None:
     low, high, both = Ball.hull(0, 1), Ball.hull(2, 3), Ball.hull(0, 3)
-    assert (low < high) is True and (high < low) is False and (low < both) is None
-    assert (low <= 1) is True and (low < 1) is None and (low > 1) is False and (low >= 0) is True
-    assert (low >= 0.5) is None and (1.5 > low) is True and (high >= 2.5) is None
-    assert low.equals(high) is False and low.equals(low) is None and Ball.exact(2).equals(2) is True
+    assert (low < high) is True
+    assert (high < low) is False
+    assert (low < both) is None
+    assert (low <= 1) is True
+    assert (low < 1) is None
+    assert (low > 1) is False
+    assert (low >= 0) is True
+    assert (low >= 0.5) is None
+    assert (low < 1.5) is True
+    assert (high >= 2.5) is None
+    assert low.equals(high) is False
+    assert low.equals(low) is None
+    assert Ball.exact(2).equals(2) is True
 
 
 def test_numbers_stand_on_either_side_also_in_arrays() -> None:
     ball = Ball.hull(1, 2)
     for found in (2 - ball, 2.0 - ball, fmpq(2) - ball, Fraction(2) - ball, np.float64(2.0) - ball, np.int64(2) - ball):
-        assert isinstance(found, Ball) and (found.lower, found.upper) == (0.0, 1.0)
+        assert isinstance(found, Ball)
+        assert (found.lower, found.upper) == (0.0, 1.0)
     found = 6 / ball
     assert (found.lower, found.upper) == (3.0, 6.0)
     matrix = np.array([[ball, Ball.exact(0)], [Ball.exact(0), ball]])
@@ -207,12 +222,17 @@ def test_numbers_stand_on_either_side_also_in_arrays() -> None:
 
 def test_powers() -> None:
     ball = Ball.hull(-1, 2)
-    assert (ball**3).lower == -1.0 and (ball**3).upper == 8.0
-    assert (ball**4).lower == 0.0 and (ball**4).upper == 16.0
+    assert (ball**3).lower == -1.0
+    assert (ball**3).upper == 8.0
+    assert (ball**4).lower == 0.0
+    assert (ball**4).upper == 16.0
     assert (ball**0).lower == (ball**0).upper == 1.0
-    assert (Ball.hull(1, 2) ** -2).lower == 0.25 and (Ball.hull(-2, -1) ** -1).upper == -0.5
+    assert (Ball.hull(1, 2) ** -2).lower == 0.25
+    assert (Ball.hull(-2, -1) ** -1).upper == -0.5
     root = Ball.hull(0, 4) ** 0.5
-    assert root.lower == 0.0 and root.contains(2) and root.width < 2.0 + 1e-15
+    assert root.lower == 0.0
+    assert root.contains(2)
+    assert root.width < 2.0 + 1e-15
     assert (Ball.hull(0, 0) ** 0.5).is_point
     with pytest.raises(OutsideDomain):
         ball**0.5
@@ -220,10 +240,12 @@ def test_powers() -> None:
 
 def test_angles_go_by_the_corners_and_stop_at_the_cut() -> None:
     found = Ball.hull(-1, 1).atan2(Ball.hull(1, 2))
-    assert found.lower <= -math.pi / 4 <= found.lower + 1e-15 and found.upper >= math.pi / 4 >= found.upper - 1e-15
+    assert found.lower <= -math.pi / 4 <= found.lower + 1e-15
+    assert found.upper >= math.pi / 4 >= found.upper - 1e-15
     behind = Ball.hull(0, 1).atan2(Ball.hull(-2, -1))
     # The corners (-1, 1) and (-2, 0); the double nearest to pi lies below pi.
-    assert behind.lower <= 3 * math.pi / 4 and behind.upper > math.pi
+    assert behind.lower <= 3 * math.pi / 4
+    assert behind.upper > math.pi
     for y, x in (
         (Ball.hull(-1, 1), Ball.hull(-2, -1)),
         (Ball.hull(0, 1), Ball.hull(0, 1)),
@@ -285,10 +307,31 @@ def test_precision_of_the_caller_is_neither_used_nor_changed() -> None:
     assert found.lower_exact == fmpq(*(0.1).as_integer_ratio()) ** 2 == found.upper_exact
 
 
+@pytest.mark.parametrize("precision", [20, 53, 400])
+def test_ends_stay_exact_at_any_precision_of_the_caller(precision: int) -> None:
+    third, wide = Ball.exact(Fraction(1, 3)), Ball.hull(Fraction(-1, 3), Fraction(2, 3))
+    with ctx.workprec(precision):
+        for found in (
+            -third,
+            abs(-third),
+            third - wide,
+            wide.square(),
+            wide.trunc(),
+            wide.rem(Ball.exact(1)),
+            1 / third,
+        ):
+            assert found.low.is_exact()
+            assert found.high.is_exact()
+        assert (-third).contains(fmpq(-1, 3))
+        assert (third.lower, third.upper) == (1 / 3, math.nextafter(1 / 3, 1.0))
+
+
 def test_union_extremes_and_flint_form() -> None:
     a, b = Ball.hull(-1, 1), Ball.hull(0, 3)
     assert (a.union(b).lower, a.union(b).upper) == (-1.0, 3.0)
     assert (a.maximum(b).lower, a.maximum(b).upper) == (0.0, 3.0)
     assert (a.minimum(b).lower, a.minimum(b).upper) == (-1.0, 1.0)
-    assert a.as_arb().contains(arb(1)) and a.as_arb().contains(arb(-1))
-    assert repr(a) == "[-1.0, 1.0]" and abs(+a).lower == 0.0
+    assert a.as_arb().contains(arb(1))
+    assert a.as_arb().contains(arb(-1))
+    assert repr(a) == "[-1.0, 1.0]"
+    assert abs(+a).lower == 0.0

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
 
-from luenberger.algebra.endpoint import PI, PRECISION, OutsideDomain, at_working_precision, may_hold, number, wave
+from luenberger.algebra.endpoint import (
+    PI,
+    PRECISION,
+    OutsideDomain,
+    at_working_precision,
+    may_hold,
+    number,
+    rational,
+    wave,
+)
 from luenberger.core import BadInput
 
 
@@ -26,8 +35,8 @@ def test_precision_is_raised_inside_and_restored_after_an_error() -> None:
 def test_dyadic_numbers_are_exact(value: object) -> None:
     found = number(value)
     assert found.is_exact()
-    exact = value if isinstance(value, fmpq) else fmpq(*value.as_integer_ratio())  # type: ignore[attr-defined]
-    assert found.fmpq() == exact
+    assert found.fmpq() == rational(value)
+    assert rational(value) == value or float(value) == value  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])

@@ -1,39 +1,56 @@
-"""Law: the error falls at least as fast as claimed, and its bound is never exceeded; checked against a stiff ODE solver."""
+"""Law: the storage falls at least as fast as claimed, and the gain bound is never exceeded."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from scipy.integrate import solve_ivp
-
 from catalogue import Row
+
 from luenberger.design import Design
+from luenberger.systems.discretize import runge_kutta
+
+STEP = 1e-3
 
 
-def frozen_errors(design: Design, reach: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate plant and observer at a random frozen scheduling with a sinusoidal input; return times and errors."""
-    generator = np.random.default_rng(seed)
+def frozen_errors(design: Design, row: Row, starts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate plant and observer from random errors at random frozen scheduling, driven by a sine."""
+    generator = np.random.default_rng(0)
     system, nx = design.system, design.system.nx
-    r = np.array([generator.uniform(*i) for i in system.scheduling_box.values()])
-    values = dict(zip(system.scheduling_names, r, strict=True))
-    L, C = np.asarray(design.gain(values)), np.asarray(system.at("C", r))
+    box = np.array(list(system.scheduling_box.values())).reshape(-1, 2)
+    r = generator.uniform(box[:, 0], box[:, 1], (starts, len(box)))
+    x0 = generator.uniform(-row.reach, row.reach, (starts, nx))
+    names = system.scheduling_names
 
-    def both(t: float, z: np.ndarray) -> np.ndarray:
-        u = np.sin(2 * np.pi * t) * np.ones(system.nu)
-        dx, dxhat = (np.asarray(system.dynamics(t, part, u, r)) for part in (z[:nx], z[nx:]))
-        return np.concatenate([dx, dxhat + L @ C @ (z[:nx] - z[nx:])])
+    def run(x0: jax.Array, r: jax.Array) -> jax.Array:
+        L, C = jnp.asarray(design.gain(dict(zip(names, r, strict=True)))), jnp.asarray(system.at("C", r))
 
-    time = np.linspace(0.0, 6.0, 61)
-    start = np.concatenate([generator.uniform(-reach, reach, nx), np.zeros(nx)])
-    found = solve_ivp(both, (0.0, 6.0), start, t_eval=time, rtol=1e-8, atol=1e-10, method="LSODA")
-    return time, found.y[:nx].T - found.y[nx:].T
+        def advance(z: jax.Array, t: jax.Array) -> tuple[jax.Array, jax.Array]:
+            u = row.drive * jnp.sin(2 * jnp.pi * t) * jnp.ones(system.nu)
+
+            def slope(z: jax.Array) -> jax.Array:
+                x, xhat = z[:nx], z[nx:]
+                return jnp.concatenate(
+                    [system.dynamics(t, x, u, r), system.dynamics(t, xhat, u, r) + L @ (C @ (x - xhat))]
+                )
+
+            return runge_kutta(slope, z, STEP), z[:nx] - z[nx:]
+
+        return jax.lax.scan(advance, jnp.concatenate([x0, jnp.zeros(nx)]), STEP * jnp.arange(6000))[1]
+
+    return STEP * np.arange(6000), np.asarray(jax.jit(jax.vmap(run))(x0, r))
 
 
 def test_storage_falls_as_claimed(design: Design, row: Row) -> None:
     claim = next(c for c in design.certificate.claims if c.kind == "decay")
-    for seed in range(3):
-        time, error = frozen_errors(design, row.reach, seed)
-        V = np.einsum("ti,ij,tj->t", error, np.asarray(claim.storage), error)
-        bound = V[0] * np.exp(-2 * claim.level * time)
-        # Relative tolerance of the integrator on V and an absolute floor of its atol.
-        assert np.all(bound * (1 + 1e-5) + 1e-12 >= V)
+    time, errors = frozen_errors(design, row, 8)
+    V = np.einsum("sti,ij,stj->st", errors, np.asarray(claim.storage), errors)
+    bound = V[:, :1] * np.exp(-2 * claim.level * time)
+    # Runge-Kutta at 1 ms follows modes of 50 1/s to 1e-8 a second; rounding of the states leaves the absolute floor.
+    assert np.all(V <= bound * (1 + 1e-6) + 1e-18 * V.max())
+
+
+def test_errors_vanish(design: Design, row: Row) -> None:
+    _, errors = frozen_errors(design, row, 2)
+    assert np.all(np.linalg.norm(errors[:, -1], axis=1) < np.linalg.norm(errors[:, 0], axis=1))
 
 
 def test_gain_bound_holds_inside_the_box(design: Design) -> None:

@@ -16,7 +16,7 @@ def positive(n: int, shift: float = 1.0, rank: int = 10) -> tuple[np.ndarray, np
     return roots @ roots.transpose(0, 2, 1) + shift * np.eye(n), rng
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 6, 10])
+@pytest.mark.parametrize("n", [1, 2, 3, 8])
 def test_factors_and_solutions_equal_numpy(n: int) -> None:
     A, rng = positive(n)
     b = rng.normal(size=(COUNT, n, 3))

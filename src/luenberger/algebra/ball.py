@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from flint import arb, ctx, fmpq, fmpz
 
-from luenberger.algebra.endpoint import PRECISION, OutsideDomain, at_working_precision, may_hold, number, wave
+from luenberger.algebra.endpoint import PRECISION, OutsideDomain, at_working_precision, may_hold, number, rational, wave
 from luenberger.core import BadInput
 
 T = TypeVar("T")
@@ -64,15 +64,16 @@ class Ball:
     ``b * b`` encloses products of two independent members; use `square` for the square of one.
 
     Args:
-        low: lower endpoint, an exact flint number (an `arb` without radius).
+        low: lower endpoint as a flint number; its own lower end counts where it has a radius.
         high: upper endpoint, not below `low`; use `Ball.exact` and `Ball.hull` to build balls from numbers.
     """
 
     __slots__ = ("high", "low")
 
     def __init__(self, low: arb, high: arb):
-        self.low = low
-        self.high = high
+        # The one place where ends are rounded, outward at whatever precision: no operation can leave a radius behind.
+        self.low = low if low.is_exact() else low.lower()
+        self.high = high if high.is_exact() else high.upper()
 
     @staticmethod
     @at_working_precision
@@ -86,7 +87,7 @@ class Ball:
             OutsideDomain: NaN or infinite.
         """
         point = number(value)
-        return Ball(point.lower(), point.upper())
+        return Ball(point, point)
 
     @staticmethod
     @at_working_precision
@@ -152,8 +153,7 @@ class Ball:
             return bool(self.low <= value.low and value.high <= self.high)
         if isinstance(value, float) and not math.isfinite(value):
             return False
-        inside = value if isinstance(value, fmpq) else fmpq(*value.as_integer_ratio())
-        return bool(self.lower_exact <= inside <= self.upper_exact)
+        return bool(self.lower_exact <= rational(value) <= self.upper_exact)
 
     def union(self, other: "Ball") -> "Ball":
         """Return the smallest interval that holds both."""
@@ -161,13 +161,13 @@ class Ball:
 
     @_binary
     def __add__(self, other: "Ball") -> "Ball":
-        return Ball((self.low + other.low).lower(), (self.high + other.high).upper())
+        return Ball(self.low + other.low, self.high + other.high)
 
     __radd__ = __add__
 
     @_binary
     def __sub__(self, other: "Ball") -> "Ball":
-        return Ball((self.low - other.high).lower(), (self.high - other.low).upper())
+        return Ball(self.low - other.high, self.high - other.low)
 
     @_binary
     def __rsub__(self, other: "Ball") -> "Ball":
@@ -177,13 +177,13 @@ class Ball:
     def __mul__(self, other: "Ball") -> "Ball":
         a, b, c, d = self.low, self.high, other.low, other.high
         if a >= _ZERO:
-            return Ball(((a if c >= _ZERO else b) * c).lower(), ((b if d >= _ZERO else a) * d).upper())
+            return Ball((a if c >= _ZERO else b) * c, (b if d >= _ZERO else a) * d)
         if b <= _ZERO:
-            return Ball(((b if d <= _ZERO else a) * d).lower(), ((a if c <= _ZERO else b) * c).upper())
+            return Ball((b if d <= _ZERO else a) * d, (a if c <= _ZERO else b) * c)
         if c >= _ZERO:
-            return Ball((a * d).lower(), (b * d).upper())
+            return Ball(a * d, b * d)
         if d <= _ZERO:
-            return Ball((b * c).lower(), (a * c).upper())
+            return Ball(b * c, a * c)
         return Ball(min((a * d).lower(), (b * c).lower()), max((a * c).upper(), (b * d).upper()))
 
     __rmul__ = __mul__
@@ -195,18 +195,20 @@ class Ball:
             raise OutsideDomain(f"{self} is divided by {other}, which contains zero; keep the divisor away from zero.")
         if d < _ZERO:
             a, b, c, d = -b, -a, -d, -c
-        return Ball((a / (d if a >= _ZERO else c)).lower(), (b / (c if b >= _ZERO else d)).upper())
+        return Ball(a / (d if a >= _ZERO else c), b / (c if b >= _ZERO else d))
 
     @_binary
     def __rtruediv__(self, other: "Ball") -> "Ball":
         return other / self
 
+    @at_working_precision
     def __neg__(self) -> "Ball":
         return Ball(-self.high, -self.low)
 
     def __pos__(self) -> "Ball":
         return self
 
+    @at_working_precision
     def __abs__(self) -> "Ball":
         if self.low >= 0:
             return self
@@ -250,7 +252,7 @@ class Ball:
     def square(self) -> "Ball":
         """Return the enclosure of x * x for one x, never negative."""
         size = abs(self)
-        return Ball((size.low * size.low).lower(), (size.high * size.high).upper())
+        return Ball(size.low * size.low, size.high * size.high)
 
     @at_working_precision
     def integer_pow(self, exponent: int) -> "Ball":
@@ -259,7 +261,7 @@ class Ball:
             return 1 / self.integer_pow(-exponent)
         base = self if exponent % 2 else abs(self)
         power = fmpz(exponent)
-        return Ball((base.low**power).lower(), (base.high**power).upper())
+        return Ball(base.low**power, base.high**power)
 
     def power(self, exponent: Any) -> "Ball":
         """Return the enclosure of x**y for x > 0, or for x >= 0 where y > 0."""
@@ -286,6 +288,7 @@ class Ball:
     ceil = _increasing("ceil")
     sign = _increasing("sgn")
 
+    @at_working_precision
     def trunc(self) -> "Ball":
         """Return the enclosure of the whole part, rounded towards zero."""
         return Ball(*((end.floor() if end >= _ZERO else end.ceil()) for end in (self.low, self.high)))
@@ -315,7 +318,7 @@ class Ball:
             raise OutsideDomain(
                 f"tan of {self} meets a pole; the interval needs to lie between two odd multiples of pi/2."
             )
-        return Ball(self.low.tan().lower(), self.high.tan().upper())
+        return Ball(self.low.tan(), self.high.tan())
 
     @at_working_precision
     def atan2(self, x: "Ball") -> "Ball":

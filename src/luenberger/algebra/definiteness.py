@@ -6,7 +6,7 @@ import numpy as np
 from flint import arb, arb_mat, fmpq, fmpq_mat, fmpz
 
 from luenberger.algebra.ball import Ball
-from luenberger.algebra.endpoint import at_working_precision, number
+from luenberger.algebra.endpoint import at_working_precision, number, rational
 from luenberger.core import BadInput, Outcome
 
 
@@ -22,12 +22,7 @@ def exact(array: Any) -> np.ndarray:
     given: np.ndarray = np.asarray(array, dtype=object)
     out = np.empty(given.shape, dtype=object)
     for index, value in np.ndenumerate(given):
-        try:
-            out[index] = value if isinstance(value, fmpq) else fmpq(*value.as_integer_ratio())
-        except (AttributeError, ValueError, OverflowError):
-            raise BadInput(
-                f"`array` holds {value!r} at index {index}; every entry needs to be a finite real number."
-            ) from None
+        out[index] = rational(value)
     return out
 
 

@@ -7,7 +7,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from flint import arb, ctx, fmpq, fmpz
+from flint import arb, ctx, fmpq
 
 from luenberger.core import BadInput
 
@@ -24,7 +24,7 @@ class OutsideDomain(BadInput):
 def at_working_precision(function: Callable[P, T]) -> Callable[P, T]:
     """Run `function` at 128 bits and leave flint's global precision as it was found.
 
-    A wrong precision would cost tightness only: flint rounds outward at any precision.
+    The precision is global to flint, so balls belong to one thread.
     """
 
     @wraps(function)
@@ -41,28 +41,35 @@ def at_working_precision(function: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
-def number(value: Any) -> arb:
-    """Return a real number as a flint ball: exact for doubles, correctly enclosed else.
+def rational(value: Any) -> fmpq:
+    """Return the exact value of a float (that very double), integer, `Fraction` or flint rational.
 
     Raises:
         OutsideDomain: NaN or infinite.
         BadInput: not a real number.
     """
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise OutsideDomain(f"{value} is not a finite number; an endpoint needs to be finite.")
-        return arb(value)
-    if isinstance(value, np.integer | np.floating):
-        return number(value.item())
-    if isinstance(value, Fraction):
-        return arb(fmpq(value.numerator, value.denominator))
     if isinstance(value, fmpq):
-        return arb(value)
-    if isinstance(value, int):
-        return arb(fmpz(value))
-    raise BadInput(
-        f"{value!r} of type {type(value).__name__} is not a real number; give a float, int, Fraction or fmpq."
-    )
+        return value
+    if isinstance(value, np.integer):
+        value = int(value.item())
+    if not isinstance(value, int | float | Fraction | np.floating):
+        raise BadInput(
+            f"{value!r} of type {type(value).__name__} is not a real number; give a float, int, Fraction or fmpq."
+        )
+    try:
+        return fmpq(*value.as_integer_ratio())
+    except (ValueError, OverflowError):
+        raise OutsideDomain(f"{value} is not a finite number; a finite number is needed.") from None
+
+
+def number(value: Any) -> arb:
+    """Return a real number as a flint ball: exact for doubles, rounded outward where the precision does not hold it.
+
+    Raises:
+        OutsideDomain: NaN or infinite.
+        BadInput: not a real number.
+    """
+    return arb(value) if isinstance(value, float) and math.isfinite(value) else arb(rational(value))
 
 
 PI = at_working_precision(arb.pi)()

@@ -50,8 +50,10 @@ def read_log(
         BadInput: file, column, unit, cell, clock or hole that cannot be used; the message names it.
         MissingExtra: a Parquet file without pyarrow.
 
-    Example:
-        >>> log = read_log("drive.csv", {"speed": {"column": "v", "unit": "km/h"}}, time="t")  # doctest: +SKIP
+    Example::
+
+        speed = {"column": "v", "unit": "km/h"}
+        log = read_log("drive.csv", {"speed": speed}, time="t")
     """
     path = Path(path)
     if missing not in ("refuse", "interpolate", "keep"):

@@ -1,7 +1,51 @@
 """One published design per file."""
 
+from luenberger.methods.kalman_gain import KalmanGain
+from luenberger.methods.lipschitz_algorithm import AlgorithmReport, MarginTable, lipschitz_algorithm
+from luenberger.methods.lipschitz_bracket import EpsilonBracket, MarginBracket, largest_epsilon, margin_bracket
+from luenberger.methods.lipschitz_disturbance import LipschitzDisturbance
+from luenberger.methods.lipschitz_gain import disturbance_bound, disturbance_gain, least_disturbance_gain
+from luenberger.methods.lipschitz_margin import margin_at, quadratic_storage, stability_margin, thau_bound
+from luenberger.methods.lipschitz_pareto import LipschitzPareto
+from luenberger.methods.lipschitz_riccati import LipschitzRiccati
 from luenberger.methods.method import Candidate, Method
 from luenberger.methods.polytopic import PolytopicLuenberger
 from luenberger.methods.structured_lipschitz import StructuredLipschitz
 
-__all__ = ["Candidate", "Method", "PolytopicLuenberger", "StructuredLipschitz"]
+METHODS: dict[str, type[Method]] = {
+    method.__name__: method
+    for method in (
+        PolytopicLuenberger,
+        StructuredLipschitz,
+        LipschitzRiccati,
+        LipschitzPareto,
+        LipschitzDisturbance,
+        KalmanGain,
+    )
+}
+
+__all__ = [
+    "METHODS",
+    "AlgorithmReport",
+    "Candidate",
+    "EpsilonBracket",
+    "KalmanGain",
+    "LipschitzDisturbance",
+    "LipschitzPareto",
+    "LipschitzRiccati",
+    "MarginBracket",
+    "MarginTable",
+    "Method",
+    "PolytopicLuenberger",
+    "StructuredLipschitz",
+    "disturbance_bound",
+    "disturbance_gain",
+    "largest_epsilon",
+    "least_disturbance_gain",
+    "lipschitz_algorithm",
+    "margin_at",
+    "margin_bracket",
+    "quadratic_storage",
+    "stability_margin",
+    "thau_bound",
+]

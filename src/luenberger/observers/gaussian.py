@@ -53,7 +53,7 @@ class Model(eqx.Module):
 
 
 class GaussianFilter(Observer):
-    """Common parts of the Kalman filters: the arguments are told there."""
+    """Common parts of the Kalman filters; the arguments are explained there."""
 
     process_covariance: jax.Array | np.ndarray
     measurement_covariance: jax.Array | np.ndarray
@@ -62,19 +62,20 @@ class GaussianFilter(Observer):
     model: Fixed[Model] = eqx.field(static=True)
     states: tuple[str, ...] = eqx.field(static=True)
 
-    def __init__(
+    def _tune(
         self,
         plant: System | tuple[Map, Map],
-        dt: float | None = None,
+        dt: float | None,
         *,
         measurement_covariance: Any,
         initial_covariance: Any,
-        process_covariance: Any = None,
-        process_density: Any = None,
-        method: str = "rk4",
-        substeps: int = 1,
+        process_covariance: Any,
+        process_density: Any,
+        method: str,
+        substeps: int,
         states: Sequence[str] = (),
-    ):
+    ) -> None:
+        """Check the arguments of a constructor and fill the fields."""
         if isinstance(plant, System):
             self.dt = sample_time(plant, dt)
             plant = plant.freeze(**plant.uncertainty)

@@ -1,13 +1,14 @@
 """The Kalman filter and its extension to nonlinear plants by linearisation."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from luenberger.core import NotAccepted
-from luenberger.observers.gaussian import Belief, GaussianFilter, Model, linear_update
+from luenberger.observers.gaussian import Belief, GaussianFilter, Map, Model, linear_update
 from luenberger.observers.observer import Estimate
 from luenberger.observers.small_matrix import product, symmetrised
 from luenberger.systems.system import System
@@ -78,7 +79,7 @@ class KalmanFilter(_Linearised):
     ):
         if system.nonlinearity is not None:
             raise NotAccepted(f"`{system.name}` has a nonlinearity; use `ExtendedKalmanFilter` or `UnscentedKalmanFilter`.")
-        super().__init__(
+        self._tune(
             system,
             dt,
             measurement_covariance=measurement_covariance,
@@ -121,6 +122,31 @@ class ExtendedKalmanFilter(_Linearised):
 
     Reference: A. Jazwinski, Stochastic Processes and Filtering Theory (1970), theorem 8.1; covariance in Joseph form.
     """
+
+    def __init__(
+        self,
+        plant: System | tuple[Map, Map],
+        dt: float | None = None,
+        *,
+        measurement_covariance: Any,
+        initial_covariance: Any,
+        process_covariance: Any = None,
+        process_density: Any = None,
+        method: str = "rk4",
+        substeps: int = 1,
+        states: Sequence[str] = (),
+    ):
+        self._tune(
+            plant,
+            dt,
+            measurement_covariance=measurement_covariance,
+            initial_covariance=initial_covariance,
+            process_covariance=process_covariance,
+            process_density=process_density,
+            method=method,
+            substeps=substeps,
+            states=states,
+        )
 
     def _output(self, model: Any, x: Any, u: Any, r: Any) -> tuple[Any, Any]:
         return _with_jacobian(model.output, x, u, r)

@@ -6,7 +6,6 @@ are faster and hold nothing but additions, products, one division and one root a
 
 import math
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -50,12 +49,10 @@ def solve_lower(L: Float[Array, "n n"], b: Float[Array, "n k"]) -> Float[Array, 
         L: lower triangular matrix.
         b: right-hand sides side by side.
     """
-    rows = []
-    for i in range(L.shape[0]):
-        rest = b[i]
-        for j in range(i):
-            rest = rest - L[i, j] * rows[j]
-        rows.append(rest / L[i, i])
+    rest, rows = b, []
+    for j in range(L.shape[0]):
+        rows.append(rest[j] / L[j, j])
+        rest = rest - L[:, j, None] * rows[-1]
     return jnp.stack(rows)
 
 
@@ -66,14 +63,11 @@ def solve_upper(L: Float[Array, "n n"], b: Float[Array, "n k"]) -> Float[Array, 
         L: lower triangular matrix, used transposed.
         b: right-hand sides side by side.
     """
-    n = L.shape[0]
-    rows: dict[int, jax.Array] = {}
-    for i in reversed(range(n)):
-        rest = b[i]
-        for j in range(i + 1, n):
-            rest = rest - L[j, i] * rows[j]
-        rows[i] = rest / L[i, i]
-    return jnp.stack([rows[i] for i in range(n)])
+    rest, rows = b, []
+    for j in reversed(range(L.shape[0])):
+        rows.append(rest[j] / L[j, j])
+        rest = rest - L[j, :, None] * rows[-1]
+    return jnp.stack(rows[::-1])
 
 
 def solve_positive(A: Float[Array, "n n"], b: Float[Array, "n k"]) -> Float[Array, "n k"]:

@@ -63,7 +63,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         beta: float = 2.0,
         kappa: float = 0.0,
     ):
-        super().__init__(
+        self._tune(
             plant,
             dt,
             measurement_covariance=measurement_covariance,

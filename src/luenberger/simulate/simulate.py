@@ -19,9 +19,6 @@ from luenberger.simulate.sensors import Sensor, measure
 class Model(Protocol):
     """What `simulate` asks of a truth model; every `System` is one, and so is a `TruthModel`."""
 
-    dt: float | None
-    name: str
-
     @property
     def states(self) -> tuple[str, ...]: ...
     @property
@@ -32,9 +29,14 @@ class Model(Protocol):
     def scheduling_names(self) -> tuple[str, ...]: ...
     @property
     def units(self) -> Mapping[str, str]: ...
-
-    def dynamics(self, t: Any, x: Any, u: Any, r: Any) -> Any: ...
-    def output(self, t: Any, x: Any, u: Any, r: Any) -> Any: ...
+    @property
+    def dt(self) -> float | None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def dynamics(self) -> Callable[[Any, Any, Any, Any], Any]: ...
+    @property
+    def output(self) -> Callable[[Any, Any, Any, Any], Any]: ...
 
 
 @dataclass(frozen=True)
@@ -106,15 +108,12 @@ def simulate(
         BadInput: shapes, times or signals that do not fit the model.
         LuenbergerError: the integration did not reach the last time.
     """
-    if not isinstance(model, Model):
-        raise BadInput(
-            f"`model` is a {type(model).__name__}; a System or a TruthModel(dynamics, output, states=...) is needed."
-        )
     times, start = _times(model, time), finite_array("x0", x0)
     if start.shape != (len(model.states),):
         raise BadInput(f"`x0` has shape {start.shape} but the model has {len(model.states)} states; give one value for each.")
     inputs = as_input("u", u, times, len(model.inputs), interpolation)
     scheduling = as_input("r", r, times, len(model.scheduling_names), interpolation)
+    _shapes(model)
     if model.dt is None:
         breaks = np.concatenate([jumps(inputs), jumps(scheduling), finite_array("jump_times", jump_times).reshape(-1)])
         breaks = np.unique(breaks[(breaks > times[0]) & (breaks < times[-1])])
@@ -162,11 +161,18 @@ def _times(model: Model, time: Any) -> np.ndarray:
     return times
 
 
+def _shapes(model: Model) -> None:
+    counts = [len(names) for names in (model.states, model.inputs, model.scheduling_names)]
+    like = [jax.ShapeDtypeStruct((), float), *(jax.ShapeDtypeStruct((n,), float) for n in counts)]
+    for what, function, names in (("dynamics", model.dynamics, model.states), ("output", model.output, model.outputs)):
+        shape = jax.eval_shape(function, *like).shape
+        if shape != (len(names),):
+            raise BadInput(f"`{what}` of `{model.name}` returns shape {shape} but its names are {list(names)}; ({len(names)},) is needed.")
+
+
 def _trajectory(model: Model, time: np.ndarray, x: np.ndarray, u: Input, r: Input, name: str) -> Trajectory:
     u_samples, r_samples = (np.asarray(jax.vmap(signal)(time)) for signal in (u, r))
-    y = np.asarray(jax.vmap(model.output)(time, x, u_samples, r_samples)).reshape(time.size, -1)
-    if y.shape[1] != len(model.outputs):
-        raise BadInput(f"`output` returns {y.shape[1]} channels but `outputs` names {list(model.outputs)}; both need to agree.")
+    y = np.asarray(jax.vmap(model.output)(time, x, u_samples, r_samples))
     if not np.isfinite(y).all():
         k, channel = np.argwhere(~np.isfinite(y))[0]
         raise LuenbergerError(

@@ -86,7 +86,7 @@ class VehicleParameters:
     front_load: float | None = None
     rear_load: float | None = None
     centre_height: float | None = None
-    sources: Mapping[str, str] = field(default_factory=dict, hash=False)
+    sources: Mapping[str, str] = field(default_factory=dict, hash=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in _UNITS:
