@@ -9,6 +9,7 @@ import os
 import sys
 import time as clock
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,9 +35,15 @@ DT = 0.01
 SAMPLES = 36_000
 CUT = 3_000
 LOG = Path(os.environ.get("LUENBERGER_DATA", "shared/data")) / "revs-250lm" / "targa2014_250lm_150_510s.csv.gz"
-BARS = {"fixed gain": 100.0, "fixed gain, exact hold": 100.0, "Kalman": 20.0, "extended Kalman": 20.0, "unscented Kalman": 20.0}
+BARS = {
+    "fixed gain": 100.0,
+    "fixed gain, exact hold": 100.0,
+    "Kalman": 20.0,
+    "extended Kalman": 20.0,
+    "unscented Kalman": 20.0,
+}
 CHANNELS = Channels(inputs=("delta",), outputs=("yawRate", "ayCG"), scheduling=("vx", "inverse_vx"))
-TUNING = {
+TUNING: dict[str, Any] = {
     "measurement_covariance": np.diag([1e-4, 1.0]),
     "initial_covariance": np.diag([1.0, 0.1]),
     "process_density": np.diag([1.0, 0.1]),
@@ -123,8 +130,10 @@ def filterpy_step(plant: System, drive: Trajectory) -> float:
 
 def report(done: Replay, reference: float) -> bool:
     """Print the table of ratios; True where every bar is met."""
-    table = Table(title=f"{done.trajectory.source}: {done.time.size} samples, filterpy UKF {reference * 1e6:.1f} µs a step")
-    for head in ("observer", "µs a step", "times faster", "bar", "whole log [s]"):
+    table = Table(
+        title=f"{done.trajectory.source}: {done.time.size} samples, filterpy UKF {reference * 1e6:.1f} µs a step"
+    )
+    for head in ("observer", "µs a step", "times faster", "bar", "whole log, s"):
         table.add_column(head, justify="left" if head == "observer" else "right")
     met = True
     for name, seconds in (done.seconds_per_step or {}).items():

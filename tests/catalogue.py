@@ -17,7 +17,7 @@ from luenberger.methods import (
     StructuredLipschitz,
 )
 from luenberger.systems import Nonlinearity, Parameter, System
-from luenberger.vehicle import brush_tyres, carmaker_car, slip_angle_plant
+from luenberger.vehicle import brush_tyres, carmaker_car, ferrari_250lm, slip_angle_plant
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ def slip_angle_car() -> System:
 
 
 def saturating_car() -> System:
-    """Slip angles of the CarMaker car with brush tyres, up to 0.03 rad, at 54 to 108 km/h."""
-    car = carmaker_car
-    return slip_angle_plant(car, (15.0, 30.0), (-4.0, 2.0), tyres=brush_tyres(car), slip_limit=0.03)
+    """Slip angles of the Ferrari with brush tyres, up to 0.1 rad, at 58 to 223 km/h."""
+    car = ferrari_250lm.with_values(front_stiffness=73e3, rear_stiffness=115e3, friction=1.25)
+    return slip_angle_plant(car, (16.0, 62.0), (-12.0, 8.0), tyres=brush_tyres(car), slip_limit=0.1)
 
 
 ROWS = (
@@ -77,7 +77,7 @@ ROWS = (
     Row("polytopic, Jacobian box", lambda: robot("jacobian"), PolytopicLuenberger(decay_rate=1.0)),
     Row("structured Lipschitz", robot, StructuredLipschitz(decay_rate=1.0)),
     Row("polytopic, slip angles", slip_angle_car, PolytopicLuenberger(decay_rate=3.0), reach=0.1),
-    Row("polytopic, brush tyres", saturating_car, PolytopicLuenberger(decay_rate=1.0), reach=0.01, drive=0.0),
+    Row("polytopic, brush tyres", saturating_car, PolytopicLuenberger(decay_rate=0.5), reach=0.01, drive=0.0),
     Row("Kalman gain, linear", oscillator, KalmanGain(np.eye(2), np.eye(1))),
     Row("Kalman gain, scheduled", scheduled_oscillator, KalmanGain(np.eye(2), np.eye(1))),
     Row("Lipschitz by Riccati", robot, LipschitzRiccati(1.0, TRANSFORM)),

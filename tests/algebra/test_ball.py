@@ -15,8 +15,7 @@ from luenberger.algebra.endpoint import OutsideDomain
 from luenberger.core import BadInput
 
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module")
-settings.register_profile("algebra", deadline=None, max_examples=80)
-settings.load_profile("algebra")
+law = settings(deadline=None, max_examples=80)
 
 reals = st.floats(-50.0, 50.0, allow_subnormal=False)
 shares = st.fractions(0, 1, max_denominator=64)
@@ -51,6 +50,7 @@ OPERATIONS: dict[str, Callable] = {
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
+@law
 @given(a=balls(), b=balls(), s=shares, t=shares)
 def test_arithmetic_holds_every_pair_of_members(name: str, a: Ball, b: Ball, s: Fraction, t: Fraction) -> None:
     operation = OPERATIONS[name]
@@ -62,6 +62,7 @@ def test_arithmetic_holds_every_pair_of_members(name: str, a: Ball, b: Ball, s: 
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
+@law
 @given(a=balls(), b=balls(0.5, 9.0), flip=st.booleans())
 def test_ends_of_arithmetic_are_the_extremes_at_the_corners(name: str, a: Ball, b: Ball, flip: bool) -> None:
     b = -b if flip else b
@@ -104,6 +105,7 @@ FUNCTIONS: dict[str, tuple[Callable[[Ball], Ball], Callable[[arb], arb], float, 
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
+@law
 @given(data=st.data(), share=shares)
 def test_functions_hold_every_member_and_no_more(name: str, data: st.DataObject, share: Fraction) -> None:
     function, truth, lower, upper = FUNCTIONS[name]
@@ -121,6 +123,7 @@ def test_functions_hold_every_member_and_no_more(name: str, data: st.DataObject,
         assert any(bool(abs(end - e) <= arb(2) ** -110 * max(1, abs(e).upper())) for e in ends)
 
 
+@law
 @given(ball=balls(-20, 20), count=st.integers(5, 200))
 def test_waves_are_bounded_by_one_only_where_they_turn(ball: Ball, count: int) -> None:
     lower, upper = float(ball.lower), float(ball.upper)
@@ -165,6 +168,7 @@ def test_a_rational_that_128_bits_do_not_hold_is_enclosed() -> None:
     assert third.width <= 2.0**-128
 
 
+@law
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
 def test_doubles_survive_the_round_trip(value: float) -> None:
     ball = Ball.exact(value)
@@ -255,6 +259,7 @@ def test_angles_go_by_the_corners_and_stop_at_the_cut() -> None:
             y.atan2(x)
 
 
+@law
 @given(ball=balls(), divisor=st.floats(0.5, 7.0), share=shares)
 def test_remainders_hold_every_member(ball: Ball, divisor: float, share: Fraction) -> None:
     value, c = member(ball, share), fmpq(*divisor.as_integer_ratio())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luenberger.algebra.ball import Ball
@@ -11,6 +11,7 @@ from luenberger.algebra.definiteness import definite, direction_of_failure, exac
 from luenberger.core import BadInput, Outcome
 
 pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module")
+law = settings(deadline=None, max_examples=80)
 
 
 @st.composite
@@ -26,6 +27,7 @@ def widened(matrix: np.ndarray, radius: float) -> np.ndarray:
     return np.vectorize(lambda x: Ball.hull(x - radius, x + radius), otypes=[object])(matrix)
 
 
+@law
 @given(matrix=symmetric())
 def test_rationals_are_always_decided_and_agree_with_eigenvalues(matrix: np.ndarray) -> None:
     outcome = positive_definite(exact(matrix))
@@ -36,6 +38,7 @@ def test_rationals_are_always_decided_and_agree_with_eigenvalues(matrix: np.ndar
         assert (outcome is Outcome.PROVED) == (least > 0)
 
 
+@law
 @given(matrix=symmetric())
 def test_a_refused_matrix_has_a_direction_that_shows_it(matrix: np.ndarray) -> None:
     rational = exact(matrix)
@@ -48,6 +51,7 @@ def test_a_refused_matrix_has_a_direction_that_shows_it(matrix: np.ndarray) -> N
     assert v @ rational @ v <= 0
 
 
+@law
 @given(matrix=symmetric(), radius=st.sampled_from([0.0, 1e-6, 0.01, 0.3]), seed=st.integers(0, 999))
 def test_answers_about_balls_hold_for_members(matrix: np.ndarray, radius: float, seed: int) -> None:
     outcome = positive_definite(widened(matrix, radius))
@@ -63,6 +67,7 @@ def test_answers_about_balls_hold_for_members(matrix: np.ndarray, radius: float,
             assert least < 1e-12
 
 
+@law
 @given(matrix=symmetric())
 def test_thin_balls_are_decided_where_doubles_are_clear(matrix: np.ndarray) -> None:
     least = np.linalg.eigvalsh(matrix)[0]

@@ -19,7 +19,9 @@ CAR_GAIN = Polynomial.affine([[0.5], [10.0]], vx=[[0.02], [0.1]])
 U, Y, R = np.array([0.3]), np.array([0.2]), np.array([20.0, 0.05])
 
 
-def closed_loop_step(plant: System, L: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray, r: object, dt: float) -> np.ndarray:
+def closed_loop_step(
+    plant: System, L: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray, r: object, dt: float
+) -> np.ndarray:
     """Exact hold of the closed loop, by SciPy."""
     A, B, C, D = (np.asarray(plant.at(k, r)) for k in "ABCD")
     b = B @ u + L @ (y - D @ u)
@@ -131,9 +133,7 @@ def test_unmeasured_parameters_sit_at_their_midpoints() -> None:
 
 
 def test_substeps_cover_the_fastest_mode_of_the_box() -> None:
-    plant = System.lpv(
-        Polynomial.affine([[0.0]], p=[[-1.0]]), None, [[1.0]], parameters=[Parameter("p", 1.0, 30.0)]
-    )
+    plant = System.lpv(Polynomial.affine([[0.0]], p=[[-1.0]]), None, [[1.0]], parameters=[Parameter("p", 1.0, 30.0)])
     # Fastest mode 30 + 10 = 40 1/s, h = limit / 40.
     assert substeps_needed(plant, [[10.0]], 0.1) == 8
     assert substeps_needed(plant, [[10.0]], 0.1, limit=2.0) == 2
@@ -167,9 +167,15 @@ def test_a_loop_too_fast_for_runge_kutta_is_refused_with_the_way_out() -> None:
 @pytest.mark.parametrize(
     ("gain", "message"),
     [
-        (np.ones((2, 2)), r"`gain` has shape \(2, 2\) but `car` has 2 states and 1 outputs; `gain` needs shape \(2, 1\)"),
+        (
+            np.ones((2, 2)),
+            r"`gain` has shape \(2, 2\) but `car` has 2 states and 1 outputs; `gain` needs shape \(2, 1\)",
+        ),
         ([[np.nan], [1.0]], "`gain` holds nan"),
-        (Polynomial.affine([[0.0], [0.0]], speed=[[1.0], [1.0]]), r"`gain` depends on \['speed'\], which `car` does not measure"),
+        (
+            Polynomial.affine([[0.0], [0.0]], speed=[[1.0], [1.0]]),
+            r"`gain` depends on \['speed'\], which `car` does not measure",
+        ),
     ],
 )
 def test_wrong_gains_are_refused(gain: object, message: str) -> None:

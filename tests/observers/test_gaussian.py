@@ -16,10 +16,16 @@ GIVEN = {"process_covariance": np.eye(2), "measurement_covariance": [[1.0]], "in
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"process_covariance": np.eye(3)}, r"`process_covariance` has shape \(3, 3\) but there are 2 states; .* needs shape \(2, 2\)"),
+        (
+            {"process_covariance": np.eye(3)},
+            r"`process_covariance` has shape \(3, 3\) but there are 2 states; .* needs shape \(2, 2\)",
+        ),
         ({"measurement_covariance": np.eye(2)}, r"`measurement_covariance` has shape \(2, 2\) but there are 1 outputs"),
         ({"measurement_covariance": [[0.0]]}, "`measurement_covariance` has the eigenvalue 0; .*positive definite"),
-        ({"initial_covariance": [[1.0, 2.0], [2.0, 1.0]]}, "`initial_covariance` has the eigenvalue -1; .*positive semidefinite"),
+        (
+            {"initial_covariance": [[1.0, 2.0], [2.0, 1.0]]},
+            "`initial_covariance` has the eigenvalue -1; .*positive semidefinite",
+        ),
         ({"initial_covariance": [[1.0, 0.2], [0.1, 1.0]]}, "`initial_covariance` differs from its transpose by 0.1"),
         ({"process_covariance": [[np.nan, 0.0], [0.0, 1.0]]}, r"`process_covariance` holds nan at index \(0, 0\)"),
         ({"process_covariance": None}, "Exactly one of `process_covariance`.*and `process_density`"),
@@ -44,7 +50,12 @@ def test_functions_need_a_sample_time(dt: float | None) -> None:
 def test_functions_have_numbered_states() -> None:
     observer = ExtendedKalmanFilter((lambda x, u, r: x, lambda x, u, r: x[:1]), DT, **GIVEN)
     assert observer.states == ("x1", "x2")
-    assert two_mass().states == KalmanFilter(two_mass(), DT, measurement_covariance=np.eye(2), process_density=np.eye(4), initial_covariance=np.eye(4)).states
+    assert (
+        two_mass().states
+        == KalmanFilter(
+            two_mass(), DT, measurement_covariance=np.eye(2), process_density=np.eye(4), initial_covariance=np.eye(4)
+        ).states
+    )
 
 
 def test_a_covariance_known_exactly_may_be_zero() -> None:

@@ -40,7 +40,14 @@ def run(observer: Observer, x0: np.ndarray, record: tuple[np.ndarray, ...]) -> R
     return np.asarray(estimate.x), np.asarray(estimate.covariance)
 
 
-def textbook(plant: System, x: np.ndarray, record: tuple[np.ndarray, ...], process_covariance, measurement_covariance, initial_covariance) -> Run:
+def textbook(
+    plant: System,
+    x: np.ndarray,
+    record: tuple[np.ndarray, ...],
+    process_covariance,
+    measurement_covariance,
+    initial_covariance,
+) -> Run:
     """The filter as every first course prints it: gain by an inverse, covariance by (I - K C) P."""
     P, xs, Ps = initial_covariance, [], []
     for u, y, r in zip(*record, strict=True):
@@ -64,7 +71,10 @@ PLANTS = {"two mass": discretize(two_mass(), DT), "car": discretize(car(), DT, "
 def test_equals_the_textbook_form(name: str) -> None:
     plant, record = PLANTS[name], samples(PLANTS[name])
     x0 = np.linspace(1.0, -1.0, plant.nx)
-    found, expected = run(KalmanFilter(plant, **tuning(plant)), x0, record), textbook(plant, x0, record, **tuning(plant))
+    found, expected = (
+        run(KalmanFilter(plant, **tuning(plant)), x0, record),
+        textbook(plant, x0, record, **tuning(plant)),
+    )
     for value, known in zip(found, expected, strict=True):
         # Two forms that agree exactly without rounding; 200 contracting steps keep rounding near 1e-13.
         np.testing.assert_allclose(value, known, rtol=1e-9, atol=1e-11)
@@ -98,7 +108,12 @@ def test_three_filters_are_one_on_linear_plants(plant: System, method: str) -> N
 def test_stationary_covariance_solves_the_riccati_equation() -> None:
     plant = PLANTS["two mass"]
     given = tuning(plant)
-    A, C, Q, R = np.asarray(plant.at("A")), np.asarray(plant.at("C")), given["process_covariance"], given["measurement_covariance"]
+    A, C, Q, R = (
+        np.asarray(plant.at("A")),
+        np.asarray(plant.at("C")),
+        given["process_covariance"],
+        given["measurement_covariance"],
+    )
     P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R)
     filtered = P - P @ C.T @ np.linalg.inv(C @ P @ C.T + R) @ C @ P
     _, covariance = run(KalmanFilter(plant, **given), np.zeros(4), samples(plant, 3000))
@@ -118,7 +133,11 @@ def test_extended_filter_equals_filterpy_with_jacobians_by_hand() -> None:
     def advance(x: jax.Array, u: jax.Array, r: jax.Array) -> jax.Array:
         return jnp.stack([x[0] + 0.05 * x[1], x[1] + 0.05 * (u[0] - 9.81 * jnp.sin(x[0]))])
 
-    given = {"process_covariance": np.diag([1e-4, 2e-4]), "measurement_covariance": [[0.02]], "initial_covariance": np.diag([0.5, 0.2])}
+    given = {
+        "process_covariance": np.diag([1e-4, 2e-4]),
+        "measurement_covariance": [[0.02]],
+        "initial_covariance": np.diag([0.5, 0.2]),
+    }
     observer = ExtendedKalmanFilter((advance, lambda x, u, r: jnp.sin(x[:1])), 0.05, states=("angle", "rate"), **given)
     u, y, r = np.sin(np.arange(100))[:, None], 0.5 * np.cos(0.1 * np.arange(100))[:, None], np.zeros((100, 0))
     found, covariance = run(observer, np.array([0.4, 0.0]), (u, y, r))
@@ -156,7 +175,11 @@ def test_nonlinear_filters_find_the_pendulum(kind: type) -> None:
         xs.append(np.asarray(x))
         ys.append(np.asarray(x[:1]) + 0.02 * rng.normal(size=1))
         x = step(x, u, jnp.zeros(0))
-    given = {"measurement_covariance": [[4e-4]], "process_covariance": 1e-8 * np.eye(2), "initial_covariance": np.eye(2)}
+    given = {
+        "measurement_covariance": [[4e-4]],
+        "process_covariance": 1e-8 * np.eye(2),
+        "initial_covariance": np.eye(2),
+    }
     found, covariance = run(kind(plant, DT, **given), np.array([0.3, 1.0]), (us, np.array(ys), np.zeros((500, 0))))
     error = (found - np.array(xs))[100:]
     deviation = np.sqrt(np.diagonal(covariance[100:], axis1=1, axis2=2))
@@ -203,7 +226,11 @@ def test_a_float32_guess_makes_a_finite_float32_run(kind: type, plant: System) -
 
 def test_covariances_stay_symmetric_and_positive_under_extreme_tuning() -> None:
     plant = PLANTS["two mass"]
-    given = {"process_covariance": 1e-12 * np.eye(4), "measurement_covariance": np.diag([1e-10, 1e4]), "initial_covariance": np.diag([1e8, 0.0, 1e8, 1.0])}
+    given = {
+        "process_covariance": 1e-12 * np.eye(4),
+        "measurement_covariance": np.diag([1e-10, 1e4]),
+        "initial_covariance": np.diag([1e8, 0.0, 1e8, 1.0]),
+    }
     _, covariance = run(KalmanFilter(plant, **given), np.zeros(4), samples(plant, 2000))
     assert np.array_equal(covariance, covariance.transpose(0, 2, 1))
     smallest = np.linalg.eigvalsh(covariance)[:, 0]

@@ -13,7 +13,11 @@ from luenberger.core import BadInput
 from luenberger.observers import UnscentedKalmanFilter
 from luenberger.systems.discretize import one_step
 
-GIVEN = {"process_covariance": np.diag([1e-4, 1e-3]), "measurement_covariance": [[0.02]], "initial_covariance": [[0.3, 0.1], [0.1, 0.4]]}
+GIVEN = {
+    "process_covariance": np.diag([1e-4, 1e-3]),
+    "measurement_covariance": [[0.02]],
+    "initial_covariance": [[0.3, 0.1], [0.1, 0.4]],
+}
 
 
 @pytest.mark.parametrize(("alpha", "beta", "kappa"), [(1.0, 2.0, 0.0), (0.5, 2.0, 1.0), (1.0, 0.0, 1.0)])
@@ -21,13 +25,22 @@ def test_equals_filterpy_on_a_nonlinear_plant(alpha: float, beta: float, kappa: 
     plant, log = pendulum(), drive(pendulum(), 100)
     step = eqx.filter_jit(one_step(plant, DT))
     u, y = log.table(plant.inputs), log.table(plant.outputs)
-    other = Filterpy(2, 1, DT, hx=lambda x: np.sin(x[:1]), fx=lambda x, dt, u: np.asarray(step(x, u, jnp.zeros(0))), points=MerweScaledSigmaPoints(2, alpha, beta, kappa))
+    other = Filterpy(
+        2,
+        1,
+        DT,
+        hx=lambda x: np.sin(x[:1]),
+        fx=lambda x, dt, u: np.asarray(step(x, u, jnp.zeros(0))),
+        points=MerweScaledSigmaPoints(2, alpha, beta, kappa),
+    )
     other.x, other.P = np.array([1.0, 0.0]), np.array(GIVEN["initial_covariance"])
     other.Q, other.R = GIVEN["process_covariance"], np.array(GIVEN["measurement_covariance"])
     # filterpy draws its points in the time update only, so its first measurement needs them drawn by hand.
     other.sigmas_f = other.points_fn.sigma_points(other.x, other.P)
     advance = one_step(plant, DT)
-    observer = UnscentedKalmanFilter((advance, lambda x, u, r: jnp.sin(x[:1])), DT, alpha=alpha, beta=beta, kappa=kappa, **GIVEN)
+    observer = UnscentedKalmanFilter(
+        (advance, lambda x, u, r: jnp.sin(x[:1])), DT, alpha=alpha, beta=beta, kappa=kappa, **GIVEN
+    )
     state, ours = observer.init([1.0, 0.0]), eqx.filter_jit(observer.step)
     for k in range(100):
         state, estimate = ours(state, u[k], y[k], jnp.zeros(0))

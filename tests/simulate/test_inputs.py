@@ -50,7 +50,12 @@ def test_no_channels_need_no_signal() -> None:
     ("value", "count", "interpolation", "message"),
     [
         (None, 1, "held", "`u` is not given but the model has 1 channels of it"),
-        (np.zeros((3, 2)), 1, "held", r"`u` has shape \(3, 2\) but there are 3 times and 1 channels; \(3, 1\) is needed"),
+        (
+            np.zeros((3, 2)),
+            1,
+            "held",
+            r"`u` has shape \(3, 2\) but there are 3 times and 1 channels; \(3, 1\) is needed",
+        ),
         (np.zeros(4), 1, "held", r"`u` has shape \(4, 1\)"),
         ([0.0, np.nan, 0.0], 1, "held", "`u` holds nan"),
         (lambda t: jnp.zeros(2), 1, "held", r"`u` returns shape \(2,\) but the model has 1 channels"),

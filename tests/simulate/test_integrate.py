@@ -30,7 +30,12 @@ def test_jumps_are_met_exactly() -> None:
 
     def run(jumps: np.ndarray | None) -> float:
         done = integrate(
-            lambda t, x, u, r: u, TIME[:2] * 10, np.zeros(1), lambda t: jnp.where(t < 0.333, 1.0, -1.0)[None], nothing, jump_times=jumps
+            lambda t, x, u, r: u,
+            TIME[:2] * 10,
+            np.zeros(1),
+            lambda t: jnp.where(t < 0.333, 1.0, -1.0)[None],
+            nothing,
+            jump_times=jumps,
         )
         return float(done.x[-1, 0])
 

@@ -14,7 +14,13 @@ TIME = DT * np.arange(101)
 
 
 def decay(**changes: object) -> TruthModel:
-    parts = {"dynamics": lambda t, x, u, r: -x + u, "output": lambda t, x, u, r: 2 * x, "states": ("x",), "inputs": ("u",), "outputs": ("y",)}
+    parts = {
+        "dynamics": lambda t, x, u, r: -x + u,
+        "output": lambda t, x, u, r: 2 * x,
+        "states": ("x",),
+        "inputs": ("u",),
+        "outputs": ("y",),
+    }
     return TruthModel(**(parts | changes))
 
 
@@ -74,7 +80,14 @@ def test_discrete_plants_are_iterated() -> None:
 
 
 def test_sensors_add_their_readings() -> None:
-    found = simulate(decay(units={"x": "m"}), time=TIME, x0=[1.0], u=np.zeros(101), sensors=[Sensor("x", bias=1.0, name="seen")], seed=4)
+    found = simulate(
+        decay(units={"x": "m"}),
+        time=TIME,
+        x0=[1.0],
+        u=np.zeros(101),
+        sensors=[Sensor("x", bias=1.0, name="seen")],
+        seed=4,
+    )
     np.testing.assert_allclose(found["seen"].values, found["x"].values + 1)
     assert found["seen"].unit == found["x"].unit == "m"
 
@@ -87,7 +100,9 @@ def test_an_output_may_share_the_name_of_its_state() -> None:
 
 
 def test_finite_escape_is_named() -> None:
-    with pytest.raises(LuenbergerError, match=r"came to t = 0.98 s of 2 s with 400 solver steps \(400 allowed\).*max_steps"):
+    with pytest.raises(
+        LuenbergerError, match=r"came to t = 0.98 s of 2 s with 400 solver steps \(400 allowed\).*max_steps"
+    ):
         simulate(decay(dynamics=lambda t, x, u, r: x**2), time=TIME, x0=[1.0], u=np.zeros(101), max_steps=400)
 
 
@@ -103,7 +118,10 @@ def test_an_output_outside_its_domain_is_named() -> None:
         ({"time": [0.0]}, r"`time` has shape \(1,\)"),
         ({"x0": [1.0, 2.0]}, r"`x0` has shape \(2,\) but the model has 1 states"),
         ({"u": None}, "`u` is not given"),
-        ({"model": decay(outputs=("a", "b"))}, r"`output` of `truth` returns shape \(1,\) but its names are \['a', 'b'\]"),
+        (
+            {"model": decay(outputs=("a", "b"))},
+            r"`output` of `truth` returns shape \(1,\) but its names are \['a', 'b'\]",
+        ),
         ({"model": decay(dynamics=lambda t, x, u, r: 0.0 * x[0])}, r"`dynamics` of `truth` returns shape \(\)"),
         ({"model": decay(dt=0.1)}, "`time` steps by 0.02 s at sample .* but `truth` is discrete with dt = 0.1 s"),
     ],

@@ -63,7 +63,9 @@ def test_rk4_of_a_scheduled_plant_is_the_taylor_polynomial_of_the_exponential() 
     hA = DT * at(plant, "A", R)
     powers = [np.linalg.matrix_power(hA, k) for k in range(5)]
     # Products of five matrices of norm below one: rounding only.
-    np.testing.assert_allclose(at(sampled, "A", R), sum(p / f for p, f in zip(powers, (1, 1, 2, 6, 24), strict=True)), atol=1e-14)
+    np.testing.assert_allclose(
+        at(sampled, "A", R), sum(p / f for p, f in zip(powers, (1, 1, 2, 6, 24), strict=True)), atol=1e-14
+    )
     phi = sum(p / f for p, f in zip(powers, (1, 2, 6, 24), strict=False))
     np.testing.assert_allclose(at(sampled, "B", R), DT * phi @ at(plant, "B", R), atol=1e-14)
 
@@ -142,7 +144,10 @@ def test_norm_bound_covers_the_box() -> None:
         A = at(plant, "A", (vx, 1 / vx))
         # Balancing scales the states, so the bound holds for the spectral radius, which no scaling changes.
         assert np.abs(np.linalg.eigvals(A)).max() <= bound
-    assert largest_norm(car_by_function().A, {"vx": (10.0, 50.0)}) >= np.abs(np.linalg.eigvals(at(plant, "A", (10, 0.1)))).max()
+    assert (
+        largest_norm(car_by_function().A, {"vx": (10.0, 50.0)})
+        >= np.abs(np.linalg.eigvals(at(plant, "A", (10, 0.1)))).max()
+    )
 
 
 def test_refusals_name_the_method_that_applies() -> None:

@@ -57,8 +57,7 @@ def moved(equation: Any, operands: list[Any]) -> list[np.ndarray]:
     shortcut = _SHORTCUTS.get(name)
     if shortcut is not None:
         found = shortcut(parameters, *operands)
-        # NumPy hands out single elements where an array without axes is meant.
-        return found if isinstance(found, list) else [np.asarray(found)]
+        return found if isinstance(found, list) else [found]
     return replayed(equation, operands)
 
 
@@ -116,7 +115,7 @@ def _broadcast(parameters: Parameters, x: np.ndarray) -> np.ndarray:
 
 def _slice(parameters: Parameters, x: np.ndarray) -> np.ndarray:
     strides = parameters["strides"] or (1,) * x.ndim
-    return x[tuple(map(slice, parameters["start_indices"], parameters["limit_indices"], strides))]
+    return x[(*map(slice, parameters["start_indices"], parameters["limit_indices"], strides), ...)]
 
 
 def _split(parameters: Parameters, x: np.ndarray) -> list[np.ndarray]:
@@ -124,7 +123,8 @@ def _split(parameters: Parameters, x: np.ndarray) -> list[np.ndarray]:
 
 
 def _select(parameters: Parameters, which: np.ndarray, *cases: np.ndarray) -> np.ndarray:
-    return np.choose(np.broadcast_to(which, cases[0].shape).astype(int), cases)
+    # NumPy hands out a single element where an array without axes is meant.
+    return np.asarray(np.choose(np.broadcast_to(which, cases[0].shape).astype(int), cases))
 
 
 _SHORTCUTS: Mapping[str, Callable[..., np.ndarray | list[np.ndarray]]] = {

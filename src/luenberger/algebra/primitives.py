@@ -102,14 +102,29 @@ def _whole_power(graph: Graph, x: Element, exponent: int) -> Element:
             return graph.apply("integer_pow", x, static=(exponent,))
 
 
+def chosen(graph: Graph, which: np.ndarray, cases: list[np.ndarray], kinds: tuple[str, str]) -> np.ndarray:
+    """Return the case that a truth value (False: the first of two) or a whole number picks, element by element.
+
+    Args:
+        graph: where operations are added.
+        which: elements that decide.
+        cases: object arrays of elements.
+        kinds: NumPy's letters for the types of `which` and of the cases.
+    """
+    found = cases[-1]
+    for k in range(len(cases) - 2, -1, -1):
+        is_later = which if kinds[0] == "b" else each(graph, "gt", which, k)
+        if kinds[1] == "b":
+            here = each(graph, "and", each(graph, "not", is_later), cases[k])
+            found = each(graph, "or", each(graph, "and", is_later, found), here)
+        else:
+            found = each(graph, "select", is_later, found, cases[k])
+    return found
+
+
 def _select(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.ndarray:
-    if equation.invars[0].aval.dtype.kind != "b":
-        raise BadInput("The function selects by a whole number that depends on its arguments; use `jnp.where`.")
-    predicate, when_false, when_true = operands
-    if equation.outvars[0].aval.dtype.kind != "b":
-        return each(graph, "select", predicate, when_true, when_false)
-    other = each(graph, "and", each(graph, "not", predicate), when_false)
-    return each(graph, "or", each(graph, "and", predicate, when_true), other)
+    kinds = (equation.invars[0].aval.dtype.kind, equation.outvars[0].aval.dtype.kind)
+    return chosen(graph, operands[0], operands[1:], kinds)
 
 
 def _clamp(graph: Graph, equation: Any, operands: list[np.ndarray]) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from luenberger.algebra.arithmetic import FLOAT
 from luenberger.algebra.graph import Graph
 from luenberger.algebra.movement import MOVEMENTS, moved
-from luenberger.algebra.primitives import ALIASES, WHOLE, each, written
+from luenberger.algebra.primitives import ALIASES, WHOLE, chosen, written
 from luenberger.core import BadInput
 
 _CALLS = frozenset(("pjit", "jit", "closed_call", "core_call", "remat", "remat2", "checkpoint"))
@@ -106,17 +106,16 @@ class Reader:
             carry = self._body(p["body_jaxpr"], [*operands[test:body], *carry])
 
     def cond(self, equation: Any, operands: list[Any]) -> list[Any]:
-        """Enter the branch taken where known, else both and select."""
+        """Enter the branch taken where known, else all and choose."""
         which, arguments, branches = operands[0], operands[1:], equation.params["branches"]
         if not _is_open(which):
             return self._body(branches[min(max(int(which), 0), len(branches) - 1)], arguments)
-        if len(branches) != 2:
-            raise BadInput("The function has a `switch` by a number that depends on its arguments; use `jnp.where`.")
-        predicate = each(self.graph, "ne", which, 0)
-        when_false, when_true = (self._body(branch, arguments) for branch in branches)
+        found = [self._body(branch, arguments) for branch in branches]
         return [
-            _settled(each(self.graph, "select", predicate, a.astype(object), b.astype(object)), v.aval.dtype)
-            for a, b, v in zip(when_true, when_false, equation.outvars, strict=True)
+            _settled(
+                chosen(self.graph, which, [x.astype(object) for x in cases], ("i", v.aval.dtype.kind)), v.aval.dtype
+            )
+            for *cases, v in zip(*found, equation.outvars, strict=True)
         ]
 
 

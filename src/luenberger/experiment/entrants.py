@@ -266,7 +266,7 @@ KINDS: Mapping[str, Kind] = {
     "lpv_brush": Kind(
         _lpv_luenberger("brush"),
         {"decay_rate": 0.3, "friction": 1.0, "slip_limit": 0.1},
-        (*_STIFFNESS, "friction"),
+        (*_STIFFNESS, "friction", "decay_rate"),
         "certified LPV observer of the slip angles with brush tyres, from steering, speed and yaw rate",
     ),
     "lpv_luenberger": Kind(
@@ -290,13 +290,13 @@ KINDS: Mapping[str, Kind] = {
     "ekf": Kind(
         _filter(ExtendedKalmanFilter, "brush"),
         {"process_density": 1.0, "friction": 1.0},
-        (*_STIFFNESS, "friction"),
+        (*_STIFFNESS, "friction", "process_density"),
         "extended Kalman filter, brush tyres",
     ),
     "ukf": Kind(
         _filter(UnscentedKalmanFilter, "brush"),
         {"process_density": 1.0, "friction": 1.0},
-        (*_STIFFNESS, "friction"),
+        (*_STIFFNESS, "friction", "process_density"),
         "unscented Kalman filter, brush tyres",
     ),
 }

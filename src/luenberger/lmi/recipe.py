@@ -11,7 +11,7 @@ from luenberger.lmi.problem import Problem, Solution, solve
 
 
 def centre(
-    problem: Problem, back_off: float = 0.01, cap: float = 2.0, solvers: Sequence[str] | None = None
+    problem: Problem, back_off: float = 0.01, cap: float = 2.0, floor: float = 0.0, solvers: Sequence[str] | None = None
 ) -> Solution | None:
     """Return a strictly feasible point near the optimum: a point on the boundary cannot be certified after rounding.
 
@@ -22,6 +22,7 @@ def centre(
         problem: blocks and objective.
         back_off: relative loss of objective that is given away.
         cap: norm cap relative to the optimiser.
+        floor: size below which the objective counts as this large, so that an optimum at zero leaves room too.
         solvers: names to try in order; default all installed.
 
     Returns:
@@ -36,7 +37,7 @@ def centre(
         for k, v in problem.variables.items()
     ]
     if problem.objective is not None:
-        extra.append(problem.objective <= best.objective + back_off * abs(best.objective))
+        extra.append(problem.objective <= best.objective + back_off * max(abs(best.objective), floor))
     wide = solve(replace(problem, objective=t), slack=t, extra=extra, solvers=solvers)
     if wide is None or not wide.margin > 0:
         return None
@@ -61,7 +62,7 @@ def charged_block(problem: Problem) -> str:
     return max(answer.duals, key=lambda k: answer.duals[k]) if answer is not None and answer.duals else ""
 
 
-def nearest_level(posed: Callable[[float], Problem], easy: float, wanted: float, steps: int = 10) -> float | None:
+def nearest_level(posed: Callable[[float], Problem], easy: float, wanted: float, steps: int = 10, floor: float = 0.0) -> float | None:
     """Return the feasible level closest to `wanted` that bisection finds, or None where `easy` fails too.
 
     Args:
@@ -69,10 +70,11 @@ def nearest_level(posed: Callable[[float], Problem], easy: float, wanted: float,
         easy: the level most easily met.
         wanted: the level that was asked for and cannot be met.
         steps: number of halvings.
+        floor: as in `centre`.
     """
 
     def feasible(level: float) -> bool:
-        return centre(posed(level), solvers=("CLARABEL",)) is not None
+        return centre(posed(level), floor=floor, solvers=("CLARABEL",)) is not None
 
     if not feasible(easy):
         return None

@@ -15,6 +15,10 @@ from luenberger.systems import System
 from luenberger.systems.matrix import MatrixFunction
 
 
+# Squared gain norm [1/s^2] below which a smaller gain is no use: a plant that needs no correction still gets room to be proved.
+NEGLIGIBLE = 1e-2
+
+
 @dataclass(frozen=True)
 class Candidate:
     """What a method hands to `synthesize`: a gain that nobody has checked yet.

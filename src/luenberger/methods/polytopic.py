@@ -10,6 +10,7 @@ from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
 from luenberger.lmi import Bernstein, Block, Problem, Relaxation, centre, infeasible, nearest_level, rounded_storage
 from luenberger.methods.method import (
+    NEGLIGIBLE,
     Candidate,
     gain_blocks,
     gain_bound,
@@ -68,9 +69,9 @@ class PolytopicLuenberger:
     def design(self, system: System) -> Candidate:
         """Minimise the gain bound; see `Method`."""
         problem, Y = self._posed(system)
-        found = centre(problem)
+        found = centre(problem, floor=NEGLIGIBLE)
         if found is None:
-            nearest = nearest_level(lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate)
+            nearest = nearest_level(lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate, floor=NEGLIGIBLE)
             raise infeasible(problem, "decay_rate", self.decay_rate, "1/s", nearest)
         storage = rounded_storage(found.values["P"])
         gain = Y.map(lambda y: np.linalg.solve(found.values["P"], np.asarray(y.value)))

@@ -83,9 +83,17 @@ class GaussianFilter(Observer):
             self.model = Fixed(Model(one_step(plant, self.dt, method, substeps), Output(plant)))
         else:
             if dt is None or not (np.isfinite(dt) and dt > 0):
-                raise BadInput(f"`dt` is {dt}; with the plant given as two functions a positive sample time in seconds is needed.")
+                raise BadInput(
+                    f"`dt` is {dt}; with the plant given as two functions a positive sample time in seconds is needed."
+                )
             self.dt = float(dt)
-            nx, ny = (matrix(n, c).shape[0] for n, c in (("initial_covariance", initial_covariance), ("measurement_covariance", measurement_covariance)))
+            nx, ny = (
+                matrix(n, c).shape[0]
+                for n, c in (
+                    ("initial_covariance", initial_covariance),
+                    ("measurement_covariance", measurement_covariance),
+                )
+            )
             self.states = tuple(states) or tuple(f"x{k + 1}" for k in range(nx))
             self.model = Fixed(Model(*plant))
         if (process_covariance is None) == (process_density is None):
@@ -97,7 +105,9 @@ class GaussianFilter(Observer):
         else:
             process = checked_covariance("process_covariance", process_covariance, nx, "states")
         self.process_covariance = process
-        self.measurement_covariance = checked_covariance("measurement_covariance", measurement_covariance, ny, "outputs", definite=True)
+        self.measurement_covariance = checked_covariance(
+            "measurement_covariance", measurement_covariance, ny, "outputs", definite=True
+        )
         self.initial_covariance = checked_covariance("initial_covariance", initial_covariance, nx, "states")
 
     def init(self, x0: Any) -> Belief:
@@ -126,18 +136,20 @@ def checked_covariance(name: str, value: Any, size: int, of: str, *, definite: b
     P = matrix(name, value, size, size, f"there are {size} {of}")
     scale = float(np.abs(P).max(initial=0.0))
     if (skew := float(np.abs(P - P.T).max(initial=0.0))) > ROUNDING * scale:
-        raise BadInput(f"`{name}` differs from its transpose by {skew:.3g}; a covariance needs to be symmetric. Give (P + P')/2.")
+        raise BadInput(
+            f"`{name}` differs from its transpose by {skew:.3g}; a covariance needs to be symmetric. Give (P + P')/2."
+        )
     P = 0.5 * (P + P.T)
     smallest = float(np.linalg.eigvalsh(P).min(initial=np.inf))
     if smallest < -ROUNDING * scale or (definite and smallest <= 0.0):
         wanted = "positive definite" if definite else "positive semidefinite"
-        raise BadInput(f"`{name}` has the eigenvalue {smallest:.3g}; a covariance of this kind needs to be {wanted}. Check signs and correlations.")
+        raise BadInput(
+            f"`{name}` has the eigenvalue {smallest:.3g}; a covariance of this kind needs to be {wanted}. Check signs and correlations."
+        )
     return P
 
 
-def masked(
-    y: Float[Array, "ny"], measurement_covariance: Float[Array, "ny ny"]
-) -> tuple[Array, Float[Array, "ny ny"]]:
+def masked(y: Float[Array, "ny"], measurement_covariance: Float[Array, "ny ny"]) -> tuple[Array, Float[Array, "ny ny"]]:
     """Return which outputs are present (not NaN), and R with a unit variance and no correlation for each absent one.
 
     Args:

@@ -78,7 +78,9 @@ class KalmanFilter(_Linearised):
         substeps: int = 1,
     ):
         if system.nonlinearity is not None:
-            raise NotAccepted(f"`{system.name}` has a nonlinearity; use `ExtendedKalmanFilter` or `UnscentedKalmanFilter`.")
+            raise NotAccepted(
+                f"`{system.name}` has a nonlinearity; use `ExtendedKalmanFilter` or `UnscentedKalmanFilter`."
+            )
         self._tune(
             system,
             dt,

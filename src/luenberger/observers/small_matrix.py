@@ -34,7 +34,9 @@ def cholesky(A: Float[Array, "n n"]) -> Float[Array, "n n"]:
         pivot = rest[j, j]
         positive = pivot > n * eps * A[j, j]
         zero = jnp.abs(pivot) <= math.sqrt(eps) * jnp.abs(A[j, j])
-        inverse_root = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, pivot, 1.0)), jnp.where(zero, 0.0, jnp.nan))
+        inverse_root = jnp.where(
+            positive, 1.0 / jnp.sqrt(jnp.where(positive, pivot, 1.0)), jnp.where(zero, 0.0, jnp.nan)
+        )
         column = jnp.where(rows >= j, rest[:, j] * inverse_root, 0.0)
         columns.append(column)
         if j + 1 < n:

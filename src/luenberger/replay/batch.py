@@ -78,24 +78,25 @@ def replay_batch(
     start = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
     axes = (0 if len(group) > 1 else None, 0 if len(starts) > 1 else None, 0 if len(drives) > 1 else None)
     observer = together if len(group) > 1 else group[0]
-    record = _first(jax.tree.map(lambda *parts: np.stack(parts), *samples), len(drives))
+    record = jax.tree.map(lambda *parts: np.stack(parts), *samples) if len(drives) > 1 else samples[0]
     if runs == 1:
         estimate = jax.tree.map(lambda leaf: leaf[None], joint_scan((observer,), (starts[0],), (samples[0],))[0])
     else:
-        estimate = _batched(axes, observer, start if len(starts) > 1 else starts[0], record)
-    estimate = jax.tree.map(np.asarray, estimate)
+        estimate = _batched(runs, axes, observer, start if len(starts) > 1 else starts[0], record)
     for k in range(runs):
         refuse_divergence(f"run {k}", jax.tree.map(lambda leaf, k=k: leaf[k], estimate), drives[0].time)
     return ReplayBatch(drives[0].time, estimate, state_names(group[0], estimate.x.shape[2]))
 
 
 @eqx.filter_jit
-def _batched(axes: tuple[int | None, int | None, int | None], observer: Any, start: Any, samples: Samples) -> Estimate:
+def _batched(
+    runs: int, axes: tuple[int | None, int | None, int | None], observer: Any, start: Any, samples: Samples
+) -> Estimate:
     def run(one: Any, begin: Any, record: Any) -> Estimate:
         return joint_scan((one,), (begin,), (record,))[0]
 
     over = tuple(None if axis is None else eqx.if_array(axis) for axis in axes)
-    return eqx.filter_vmap(run, in_axes=over)(observer, start, samples)
+    return eqx.filter_vmap(run, in_axes=over, axis_size=runs)(observer, start, samples)
 
 
 def _stacked(group: list[Observer]) -> Any:
@@ -113,17 +114,15 @@ def _stacked_leaf(*leaves: Any) -> Any:
     if isinstance(leaves[0], jax.Array | np.ndarray | float):
         return jnp.stack([jnp.asarray(leaf) for leaf in leaves])
     if any(leaf != leaves[0] for leaf in leaves):
-        raise BadInput(f"The observers of the batch hold {sorted({repr(leaf) for leaf in leaves})}; they may differ in their arrays only.")
+        raise BadInput(
+            f"The observers of the batch hold {sorted({repr(leaf) for leaf in leaves})}; they may differ in their arrays only."
+        )
     return leaves[0]
 
 
 def _pairs(group: list[Observer], guesses: np.ndarray) -> list[tuple[Observer, np.ndarray]]:
     count = max(len(group), len(guesses))
     return [(group[k % len(group)], guesses[k % len(guesses)]) for k in range(count)]
-
-
-def _first(samples: Any, count: int) -> Any:
-    return samples if count > 1 else jax.tree.map(lambda leaf: leaf[0], samples)
 
 
 def _same_times(drives: list[Trajectory]) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import numpy as np
 
 from luenberger.core import BadInput, Trajectory
@@ -13,7 +14,8 @@ from luenberger.observers import Observer
 # Steps may differ from dt by this share, beyond the rounding of the time stamps themselves.
 STEP_TOLERANCE = 1e-6
 
-Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
+# u, y, r side by side, each (nt, nc); traced arrays inside a compiled scan.
+Samples = tuple[np.ndarray | jax.Array, np.ndarray | jax.Array, np.ndarray | jax.Array]
 
 
 @dataclass(frozen=True)
@@ -26,15 +28,15 @@ class Channels:
         scheduling: channels of r.
     """
 
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    scheduling: tuple[str, ...] = ()
+    inputs: Sequence[str] = ()
+    outputs: Sequence[str] = ()
+    scheduling: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for group in ("inputs", "outputs", "scheduling"):
             names = getattr(self, group)
             if isinstance(names, str):
-                raise BadInput(f"`{group}` is the text `{names}`; a sequence of channel names is needed, e.g. ({names!r},).")
+                raise BadInput(f"`{group}` is the text `{names}`; a sequence of names is needed, e.g. ({names!r},).")
             object.__setattr__(self, group, tuple(names))
 
 
@@ -70,7 +72,9 @@ def by_name(what: str, observers: Mapping[str, Observer], given: Mapping[str, An
     return {name: given[name] for name in observers}
 
 
-def samples_of(name: str, observer: Observer, trajectory: Trajectory, channels: Channels, missing_outputs: bool) -> Samples:
+def samples_of(
+    name: str, observer: Observer, trajectory: Trajectory, channels: Channels, missing_outputs: bool
+) -> Samples:
     """Return the checked samples (u, y, r) of one observer, each (nt, nc).
 
     Args:

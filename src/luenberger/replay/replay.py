@@ -117,7 +117,7 @@ def replay(
     samples = {n: samples_of(n, o, trajectory, chosen[n], missing_outputs) for n, o in observers.items()}
     starts = {name: observer.init(guesses[name]) for name, observer in observers.items()}
     joint = joint_scan(tuple(observers.values()), tuple(starts.values()), tuple(samples.values()))
-    estimates = {name: _as_numpy(e) for name, e in zip(observers, joint, strict=True)}
+    estimates = dict(zip(observers, joint, strict=True))
     for name, estimate in estimates.items():
         refuse_divergence(name, estimate, trajectory.time)
     seconds = None
@@ -128,7 +128,9 @@ def replay(
 
 
 @eqx.filter_jit
-def joint_scan(observers: tuple[Observer, ...], starts: tuple[Any, ...], samples: tuple[Samples, ...]) -> tuple[Estimate, ...]:
+def joint_scan(
+    observers: tuple[Observer, ...], starts: tuple[Any, ...], samples: tuple[Samples, ...]
+) -> tuple[Estimate, ...]:
     """Run the steps of all observers in one scan; compiled once for each structure, not for each tuning.
 
     Args:
@@ -186,17 +188,15 @@ def refuse_divergence(name: str, estimate: Estimate, time: np.ndarray) -> None:
     """
     numbers = [part for part in (estimate.x, estimate.covariance) if part is not None]
     bounds = [part for part in (estimate.lower, estimate.upper) if part is not None]
-    good = [np.isfinite(part).reshape(time.size, -1) for part in numbers]
-    good += [~np.isnan(part).reshape(time.size, -1) for part in bounds]
+    good = [np.isfinite(np.asarray(part)).reshape(time.size, -1) for part in numbers]
+    good += [~np.isnan(np.asarray(part)).reshape(time.size, -1) for part in bounds]
     bad = ~np.concatenate(good, axis=1).all(axis=1)
     if bad.any():
         k = int(bad.argmax())
-        last = f" The last finite estimate is {np.array2string(np.asarray(estimate.x)[k - 1], precision=4)}." if k else ""
+        last = (
+            f" The last finite estimate is {np.array2string(np.asarray(estimate.x)[k - 1], precision=4)}." if k else ""
+        )
         raise ReplayFailed(
             f"`{name}` gives an estimate that is not finite at sample {k} (t = {time[k]:g} s).{last} Check its gain or covariances, "
             "its sample time and the units of its channels."
         )
-
-
-def _as_numpy(estimate: Estimate) -> Estimate:
-    return jax.tree.map(np.asarray, estimate)

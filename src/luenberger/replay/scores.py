@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from rich.markup import escape
 from rich.table import Table
 from scipy.stats import chi2, norm
 
@@ -107,14 +108,25 @@ def score_table(rows: Sequence[Score], title: str = "Scores") -> Table:
         title: heading.
     """
     table = Table(title=title)
-    heads = ("observer", "state", "RMSE", "max error", "settling [s]", "coverage", "mean width", "NEES (95 % interval)", "µs a step")
+    heads = (
+        "observer",
+        "state",
+        "RMSE",
+        "max error",
+        "settling [s]",
+        "coverage",
+        "mean width",
+        "NEES (95 % interval)",
+        "µs a step",
+    )
     for k, head in enumerate(heads):
-        table.add_column(head, justify="left" if k < 2 else "right")
+        # Square brackets are markup unless escaped.
+        table.add_column(escape(head), justify="left" if k < 2 else "right")
     for row in rows:
         interval = "" if row.nees_interval is None else f" ({row.nees_interval[0]:.3g} to {row.nees_interval[1]:.3g})"
         table.add_row(
-            row.observer,
-            f"{row.state} [{row.unit}]" if row.unit else row.state,
+            escape(row.observer),
+            escape(f"{row.state} [{row.unit}]" if row.unit else row.state),
             f"{row.rmse:.4g}",
             f"{row.max_error:.4g}",
             "never" if row.settling_time is None else f"{row.settling_time:.3g}",
@@ -160,13 +172,20 @@ def normalised_error_squared(error: Float[np.ndarray, "nt nx"], covariance: Floa
 
 
 def _rows(
-    replay: Replay, name: str, pairs: list[tuple[int, str, str]], reference: Trajectory, window: np.ndarray, fraction: float
+    replay: Replay,
+    name: str,
+    pairs: list[tuple[int, str, str]],
+    reference: Trajectory,
+    window: np.ndarray,
+    fraction: float,
 ) -> list[Score]:
     estimate, index = replay[name], [k for k, _, _ in pairs]
     true = reference.table([channel for _, _, channel in pairs])
     keep = window & np.isfinite(true).all(axis=1)
     if not keep.any():
-        raise BadInput(f"No sample of `{name}` has a truth between `start` and `stop`; check the times and the NaN in the true channels.")
+        raise BadInput(
+            f"No sample of `{name}` has a truth between `start` and `stop`; check the times and the NaN in the true channels."
+        )
     error = (np.asarray(estimate.x)[:, index] - true)[keep]
     time, count = replay.time[keep], int(keep.sum())
     joint = _joint(estimate.covariance, error, keep, index)

@@ -82,13 +82,17 @@ def as_input(name: str, value: Any, time: np.ndarray, count: int, interpolation:
         raise BadInput(f"`interpolation` is `{interpolation}`.{nearest(interpolation, ['held', 'linear'])}")
     if value is None:
         if count:
-            raise BadInput(f"`{name}` is not given but the model has {count} channels of it; give a function of time or samples.")
+            raise BadInput(
+                f"`{name}` is not given but the model has {count} channels of it; give a function of time or samples."
+            )
         value = np.zeros((time.size, 0))
     if callable(value):
         signal = value if isinstance(value, Input) else FunctionOfTime(value)
         shape = jax.eval_shape(signal, jax.ShapeDtypeStruct((), float)).shape
         if shape != (count,):
-            raise BadInput(f"`{name}` returns shape {shape} but the model has {count} channels of it; ({count},) is needed.")
+            raise BadInput(
+                f"`{name}` returns shape {shape} but the model has {count} channels of it; ({count},) is needed."
+            )
         return signal
     samples = finite_array(name, value)
     if samples.ndim == 1 and count == 1:

@@ -41,18 +41,24 @@ class Sensor:
         numbers = {"noise": self.noise, "delay": self.delay, "quantum": self.quantum, "dropout": self.dropout}
         for word, value in numbers.items():
             if not (np.isfinite(value) and value >= 0):
-                raise BadInput(f"`{word}` of the sensor on `{self.channel}` is {value}; a finite number >= 0 is needed.")
+                raise BadInput(
+                    f"`{word}` of the sensor on `{self.channel}` is {value}; a finite number >= 0 is needed."
+                )
         if not np.isfinite(self.bias):
             raise BadInput(f"`bias` of the sensor on `{self.channel}` is {self.bias}; a finite number is needed.")
         if self.dropout >= 1:
-            raise BadInput(f"`dropout` of the sensor on `{self.channel}` is {self.dropout}; a probability below 1 is needed.")
+            raise BadInput(
+                f"`dropout` of the sensor on `{self.channel}` is {self.dropout}; a probability below 1 is needed."
+            )
 
     @property
     def measured_name(self) -> str:
         """Name of the channel that the sensor writes."""
         return self.name or f"{self.channel}_measured"
 
-    def apply(self, time: Float[Array | np.ndarray, "nt"], values: Float[Array | np.ndarray, "nt"], key: Any) -> Float[Array, "nt"]:
+    def apply(
+        self, time: Float[Array | np.ndarray, "nt"], values: Float[Array | np.ndarray, "nt"], key: Any
+    ) -> Float[Array, "nt"]:
         """Return the reading, shape (nt,); a pure function, so Monte Carlo is a vmap over keys.
 
         Args:

@@ -110,7 +110,9 @@ def simulate(
     """
     times, start = _times(model, time), finite_array("x0", x0)
     if start.shape != (len(model.states),):
-        raise BadInput(f"`x0` has shape {start.shape} but the model has {len(model.states)} states; give one value for each.")
+        raise BadInput(
+            f"`x0` has shape {start.shape} but the model has {len(model.states)} states; give one value for each."
+        )
     inputs = as_input("u", u, times, len(model.inputs), interpolation)
     scheduling = as_input("r", r, times, len(model.scheduling_names), interpolation)
     _shapes(model)
@@ -132,7 +134,16 @@ def _solve(dynamics: Any, *arguments: Any, **options: Any) -> Any:
 
 
 def _integrated(
-    model: Model, time: np.ndarray, x0: np.ndarray, u: Input, r: Input, breaks: np.ndarray, rtol: float, atol: float, solver: Any, limit: int
+    model: Model,
+    time: np.ndarray,
+    x0: np.ndarray,
+    u: Input,
+    r: Input,
+    breaks: np.ndarray,
+    rtol: float,
+    atol: float,
+    solver: Any,
+    limit: int,
 ) -> np.ndarray:
     done = _solve(model.dynamics, time, x0, u, r, breaks, rtol=rtol, atol=atol, solver=solver, max_steps=limit)
     x = np.asarray(done.x)
@@ -149,7 +160,9 @@ def _integrated(
 def _times(model: Model, time: Any) -> np.ndarray:
     times = finite_array("time", time)
     if times.ndim != 1 or times.size < 2 or (np.diff(times) <= 0).any():
-        raise BadInput(f"`time` has shape {times.shape}; at least two strictly increasing times [s] in shape (nt,) are needed.")
+        raise BadInput(
+            f"`time` has shape {times.shape}; at least two strictly increasing times [s] in shape (nt,) are needed."
+        )
     if model.dt is not None:
         steps = np.diff(times)
         worst = int(np.abs(steps - model.dt).argmax())
@@ -167,7 +180,9 @@ def _shapes(model: Model) -> None:
     for what, function, names in (("dynamics", model.dynamics, model.states), ("output", model.output, model.outputs)):
         shape = jax.eval_shape(function, *like).shape
         if shape != (len(names),):
-            raise BadInput(f"`{what}` of `{model.name}` returns shape {shape} but its names are {list(names)}; ({len(names)},) is needed.")
+            raise BadInput(
+                f"`{what}` of `{model.name}` returns shape {shape} but its names are {list(names)}; ({len(names)},) is needed."
+            )
 
 
 def _trajectory(model: Model, time: np.ndarray, x: np.ndarray, u: Input, r: Input, name: str) -> Trajectory:
@@ -179,7 +194,12 @@ def _trajectory(model: Model, time: np.ndarray, x: np.ndarray, u: Input, r: Inpu
             f"The output `{model.outputs[channel]}` of `{model.name}` is {y[k, channel]} at t = {time[k]:g} s; the model leaves its domain there."
         )
     signals: dict[str, Signal] = {}
-    groups = ((model.states, x, "state"), (model.inputs, u_samples, "input"), (model.scheduling_names, r_samples, "scheduling"), (model.outputs, y, "output"))
+    groups = (
+        (model.states, x, "state"),
+        (model.inputs, u_samples, "input"),
+        (model.scheduling_names, r_samples, "scheduling"),
+        (model.outputs, y, "output"),
+    )
     for names, values, kind in groups:
         for k, channel in enumerate(names):
             signal = Signal(channel, model.units.get(channel, ""), values[:, k], f"{kind} of {model.name}")

@@ -54,9 +54,7 @@ def discretize(system: System, dt: float, method: str = "exact") -> System:
     return _taylor(system, dt, 1 if method == "euler" else 4)
 
 
-def one_step(
-    system: System, dt: float, method: str = "rk4", substeps: int = 1
-) -> Callable[[Any, Any, Any], jax.Array]:
+def one_step(system: System, dt: float, method: str = "rk4", substeps: int = 1) -> Callable[[Any, Any, Any], jax.Array]:
     """Return the map (x, u, r) -> x one sample later, with u and r held over the step.
 
     "rk4" suits every continuous plant; "exact" is the zero-order hold, with the exponential evaluated at run time where

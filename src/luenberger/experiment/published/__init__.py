@@ -1,0 +1,14 @@
+"""Published papers row by row: printed, ours, verdict."""
+
+from collections.abc import Callable, Mapping
+
+from luenberger.experiment.published import relaxations, song_hedrick
+from luenberger.experiment.published.row import Row, Verdict
+
+Progress = Callable[[Row], None]
+SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
+    "song-hedrick": song_hedrick.rows,
+    "relaxations": relaxations.rows,
+}
+
+__all__ = ["SOURCES", "Row", "Verdict"]
