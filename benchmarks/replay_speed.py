@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter as FilterpyUnscented
+from filterpy.kalman import MerweScaledSigmaPoints
+from filterpy.kalman import UnscentedKalmanFilter as FilterpyUnscented
 from rich.console import Console
 from rich.table import Table
 

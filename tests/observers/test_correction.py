@@ -6,13 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from observers.plants import DT, car, car_by_function, pendulum, two_mass
 
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput
 from luenberger.observers import CorrectionObserver, substeps_needed
 from luenberger.systems import Nonlinearity, Parameter, System
 from luenberger.systems.discretize import discretize
+from observers.plants import DT, car, car_by_function, pendulum, two_mass
 
 GAIN = np.array([[6.0, 0.5], [0.3, 7.0], [20.0, 5.0], [4.0, 15.0]])
 CAR_GAIN = Polynomial.affine([[0.5], [10.0]], vx=[[0.02], [0.1]])

@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers.plants import DT, car, two_mass
 
 from luenberger.core import BadInput
 from luenberger.observers import Belief, ExtendedKalmanFilter, KalmanFilter, UnscentedKalmanFilter
 from luenberger.observers.gaussian import checked_covariance, linear_update, masked
+from observers.plants import DT, car, two_mass
 
 GIVEN = {"process_covariance": np.eye(2), "measurement_covariance": [[1.0]], "initial_covariance": np.eye(2)}
 

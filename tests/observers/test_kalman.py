@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 from filterpy.kalman import ExtendedKalmanFilter as FilterpyExtended
-from observers.plants import DT, car, drive, pendulum, two_mass
 
 from luenberger.core import NotAccepted
 from luenberger.observers import ExtendedKalmanFilter, KalmanFilter, Observer, UnscentedKalmanFilter
 from luenberger.systems import System
 from luenberger.systems.discretize import discretize, one_step
+from observers.plants import DT, car, drive, pendulum, two_mass
 
 Run = tuple[np.ndarray, np.ndarray]
 

@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers.plants import car, pendulum, two_mass
 
 from luenberger.core import BadInput
 from luenberger.observers.plant import Fixed, sample_time, state_vector
 from luenberger.systems.discretize import discretize, one_step
+from observers.plants import car, pendulum, two_mass
 
 
 def test_equal_plants_are_one_value() -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints
 from filterpy.kalman import UnscentedKalmanFilter as Filterpy
-from observers.plants import DT, car, drive, pendulum
 
 from luenberger.core import BadInput
 from luenberger.observers import UnscentedKalmanFilter
 from luenberger.systems.discretize import one_step
+from observers.plants import DT, car, drive, pendulum
 
 GIVEN = {
     "process_covariance": np.diag([1e-4, 1e-3]),

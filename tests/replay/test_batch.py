@@ -3,12 +3,12 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers.plants import DT, car, drive, pendulum
 
 from luenberger.core import BadInput, ReplayFailed, Trajectory
 from luenberger.observers import CorrectionObserver, ExtendedKalmanFilter, KalmanFilter, zero_estimate
 from luenberger.replay import Channels, replay, replay_batch
 from luenberger.simulate import Sensor, measure
+from observers.plants import DT, car, drive, pendulum
 
 READ = Channels(("delta",), ("yaw",), ("vx", "inverse_vx"))
 LOG = drive(car(), 60)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from observers.plants import DT, car, drive
 
 from luenberger.core import BadInput, Signal, Trajectory
 from luenberger.observers import CorrectionObserver, zero_estimate
 from luenberger.replay import Channels
 from luenberger.replay.channels import channels_of, samples_of, uniform
+from observers.plants import DT, car, drive
 
 READ = Channels(("delta",), ("yaw",), ("vx", "inverse_vx"))
 OBSERVER = CorrectionObserver(car(), [[0.5], [10.0]], DT)

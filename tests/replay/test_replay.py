@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers.plants import DT, car, drive
 
 from luenberger.core import BadInput, ReplayFailed, Signal
 from luenberger.observers import AlgebraicEstimate, CorrectionObserver, Estimate, KalmanFilter, Observer, zero_estimate
 from luenberger.replay import Channels, replay
+from observers.plants import DT, car, drive
 
 READ = Channels(("delta",), ("yaw",), ("vx", "inverse_vx"))
 TUNING = {"measurement_covariance": [[0.01]], "process_density": np.eye(2), "initial_covariance": np.eye(2)}
@@ -108,14 +108,14 @@ def test_missing_outputs_reach_only_those_who_skip_them() -> None:
     variance = done["kalman"].covariance[:, 1, 1]
     # Without a measurement the variance of the yaw rate is larger than after one.
     assert (variance[4::3] > variance[3:-1:3]).all()
-    with pytest.raises(ReplayFailed, match="`fixed`.*at sample 2 "):
+    with pytest.raises(ReplayFailed, match=r"`fixed`.*at sample 2 "):
         replay({"fixed": CorrectionObserver(car(), [[0.5], [10.0]], DT)}, log, READ, np.zeros(2), missing_outputs=True)
 
 
 def test_bounds_may_be_infinite_but_never_nan() -> None:
     done = replay({"open": Interval(-np.inf)}, LOG, READ, None)
     assert np.isinf(done["open"].lower).all()
-    with pytest.raises(ReplayFailed, match="`lost`.*sample 0"):
+    with pytest.raises(ReplayFailed, match=r"`lost`.*sample 0"):
         replay({"lost": Interval(np.nan)}, LOG, READ, None)
 
 
@@ -143,7 +143,7 @@ def test_functions_of_the_estimate() -> None:
     assert done.outputs("kalman", lambda x, u, r: x).names == ("z1", "z2")
     with pytest.raises(BadInput, match="`function` returns 2 values but `names` has 1"):
         done.outputs("kalman", lambda x, u, r: x, ("one",))
-    with pytest.raises(BadInput, match="no observer `kalmann`. Did you mean `kalman`"):
+    with pytest.raises(BadInput, match=r"no observer `kalmann`. Did you mean `kalman`"):
         done.outputs("kalmann", lambda x, u, r: x)
 
 

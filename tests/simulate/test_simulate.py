@@ -4,11 +4,11 @@ import diffrax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers.plants import DT, car, two_mass
 
 from luenberger.core import BadInput, LuenbergerError
 from luenberger.simulate import Sensor, TruthModel, simulate
 from luenberger.systems.discretize import discretize, one_step
+from observers.plants import DT, car, two_mass
 
 TIME = DT * np.arange(101)
 

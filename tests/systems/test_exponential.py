@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luenberger.core import BadInput
@@ -21,6 +21,7 @@ def by_scipy(M: np.ndarray, b: np.ndarray, x: np.ndarray, dt: float) -> np.ndarr
 
 
 @pytest.mark.parametrize("norm", [0.0, 1e-9, 0.3, 1.0, 1.01, 4.0, 60.0, 3e3])
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 5))
 def test_held_solution_equals_scipy(norm: float, seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

@@ -100,8 +100,8 @@ def _enclosure(search: Search) -> Enclosure:
             f"The function is not known to be defined on the whole box after {len(search.pieces)} pieces: {error} "
             "Shrink the box so that it keeps away from there, or raise `max_pieces`."
         )
-    inner = (np.clip(seen, lower, upper) for seen in (search.seen_lower, search.seen_upper))
-    return Enclosure(lower, upper, *inner, pieces=len(search.pieces), tight=tight)
+    bounds = (lower, upper, *(np.clip(seen, lower, upper) for seen in (search.seen_lower, search.seen_upper)))
+    return Enclosure(*(b.reshape(search.shape) for b in bounds), pieces=len(search.pieces), tight=tight)
 
 
 def _box(lower: Any, upper: Any, tolerance: float, max_pieces: int) -> tuple[np.ndarray, np.ndarray]:

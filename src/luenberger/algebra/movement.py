@@ -73,7 +73,7 @@ def replayed(equation: Any, operands: list[Any]) -> list[np.ndarray]:
             continue
         # Places are doubles because the primitive was traced for doubles; NaN marks what is filled in from outside.
         places.append(np.arange(len(pool), len(pool) + operand.size, dtype=np.float64).reshape(operand.shape))
-        pool.extend(operand.flat)
+        pool.extend(operand.astype(object).flat)
     fill = parameters.get("fill_value")
     if fill is not None:
         parameters["fill_value"] = np.nan

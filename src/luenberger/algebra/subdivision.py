@@ -26,9 +26,9 @@ class Piece(NamedTuple):
     Args:
         left: lower ends, shape (n,).
         right: upper ends, shape (n,).
-        lower: proved lower bounds of every entry, -inf where there is none.
+        lower: proved lower bounds of all entries in a row, -inf where there is none.
         upper: proved upper bounds, inf where there is none.
-        variation: largest change of every entry along every axis, or None where it was not needed or not to be had.
+        variation: largest change of every entry (rows) along every axis, or None where it was not needed or not known.
         error: why a bound is missing.
     """
 
@@ -61,9 +61,10 @@ class Search:
         self.tolerance, self.max_pieces = tolerance, max_pieces
         self.trace = self._traced(function)
         self.shape = self.trace.outputs[0].shape
-        self.seen_lower = np.full(self.shape, np.inf)
-        self.seen_upper = np.full(self.shape, -np.inf)
-        self.plain_width = np.zeros(self.shape)
+        entries = self.trace.outputs[0].size
+        self.seen_lower = np.full(entries, np.inf)
+        self.seen_upper = np.full(entries, -np.inf)
+        self.plain_width = np.zeros(entries)
         self.pieces: list[Piece] = []
 
     @cached_property
@@ -120,6 +121,7 @@ class Search:
         if plain.error or steps or self.derivative is None or not (self._excess(plain) > 1.0).any():
             return plain
         slopes, error = _evaluated(self.derivative, list(map(Ball.hull, left, right)), BallArithmetic())
+        slopes = slopes.reshape(-1, self.left.size)
         variation = np.maximum(abs(_ends(slopes, 0)), abs(_ends(slopes, 1))) * (right - left)
         centre, outside = self._centre(left, right)
         if error or outside:
@@ -127,7 +129,7 @@ class Search:
         # f(middle) + J (x - middle) with J over the whole piece: it overshoots with the square of the piece only.
         middle = _middle(left, right)
         offsets = np.array([Ball.hull(a, b) - m for a, b, m in zip(left, right, middle, strict=True)], dtype=object)
-        form: np.ndarray = np.asarray(centre + slopes @ offsets, dtype=object)
+        form = centre + slopes @ offsets
         lower, upper = np.maximum(plain.lower, _ends(form, 0)), np.minimum(plain.upper, _ends(form, 1))
         return plain._replace(lower=lower, upper=upper, variation=variation)
 
@@ -154,7 +156,7 @@ class Search:
             return None
         share = (piece.right - piece.left) / np.where(self.right > self.left, self.right - self.left, 1.0)
         if piece.variation is not None:
-            variation = piece.variation[np.unravel_index(np.argmax(self._excess(piece)), self.shape)]
+            variation = piece.variation[np.argmax(self._excess(piece))]
             if np.isfinite(variation).all() and variation.max() > 0:
                 # No axis is forgotten for good, even where the variation along it looks small.
                 share = variation / variation.max() + 1e-3 * share
@@ -176,24 +178,24 @@ class Search:
     def _sample(self, points: np.ndarray) -> None:
         """Take the function's doubles at some points, side by side, into the values seen."""
         values = self.trace.run(list(points.T), FLOAT)
-        for index, k in np.ndenumerate(self.trace.outputs[0]):
+        for entry, k in enumerate(self.trace.outputs[0].flat):
             column = np.atleast_1d(np.asarray(values[k], dtype=float))
             column = column[np.isfinite(column)]
             if column.size:
-                self.seen_lower[index] = min(self.seen_lower[index], column.min())
-                self.seen_upper[index] = max(self.seen_upper[index], column.max())
+                self.seen_lower[entry] = min(self.seen_lower[entry], column.min())
+                self.seen_upper[entry] = max(self.seen_upper[entry], column.max())
 
 
 def _evaluated(
     function: Trace, arguments: list[Ball], arithmetic: BallArithmetic
 ) -> tuple[np.ndarray, OutsideDomain | None]:
-    """Entries as balls, None where one is undefined, with the first reason."""
+    """Entries in a row as balls, None where one is undefined, with the first reason."""
     values = function.run(arguments, arithmetic)
-    out = np.empty(function.outputs[0].shape, dtype=object)
+    out = np.empty(function.outputs[0].size, dtype=object)
     error: OutsideDomain | None = None
-    for index, k in np.ndenumerate(function.outputs[0]):
+    for entry, k in enumerate(function.outputs[0].flat):
         if isinstance(values[k], Ball):
-            out[index] = values[k]
+            out[entry] = values[k]
         elif error is None:
             error = values[k]
     return out, error

@@ -73,25 +73,20 @@ def replay_batch(
         raise BadInput(f"The batch has {sizes}; each needs one entry, or one for each of the {runs} runs.")
     _same_times(drives)
     samples = [samples_of(f"run {k}", group[0], drive, channels, missing_outputs) for k, drive in enumerate(drives)]
-    together = _stacked(group)
+    _same_structure(group)
     starts = [o.init(guess) for o, guess in _pairs(group, guesses)]
-    start = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
-    axes = (0 if len(group) > 1 else None, 0 if len(starts) > 1 else None, 0 if len(drives) > 1 else None)
-    observer = together if len(group) > 1 else group[0]
-    record = jax.tree.map(lambda *parts: np.stack(parts), *samples) if len(drives) > 1 else samples[0]
+    (observer, start, record), axes = zip(*map(_one_or_stacked, (group, starts, samples)), strict=True)
     if runs == 1:
-        estimate = jax.tree.map(lambda leaf: leaf[None], joint_scan((observer,), (starts[0],), (samples[0],))[0])
+        estimate = jax.tree.map(lambda leaf: leaf[None], joint_scan((observer,), (start,), (record,))[0])
     else:
-        estimate = _batched(runs, axes, observer, start if len(starts) > 1 else starts[0], record)
+        estimate = _batched(runs, axes, observer, start, record)
     for k in range(runs):
         refuse_divergence(f"run {k}", jax.tree.map(lambda leaf, k=k: leaf[k], estimate), drives[0].time)
     return ReplayBatch(drives[0].time, estimate, state_names(group[0], estimate.x.shape[2]))
 
 
 @eqx.filter_jit
-def _batched(
-    runs: int, axes: tuple[int | None, int | None, int | None], observer: Any, start: Any, samples: Samples
-) -> Estimate:
+def _batched(runs: int, axes: tuple[int | None, ...], observer: Any, start: Any, samples: Samples) -> Estimate:
     def run(one: Any, begin: Any, record: Any) -> Estimate:
         return joint_scan((one,), (begin,), (record,))[0]
 
@@ -99,15 +94,19 @@ def _batched(
     return eqx.filter_vmap(run, in_axes=over, axis_size=runs)(observer, start, samples)
 
 
-def _stacked(group: list[Observer]) -> Any:
+def _same_structure(group: list[Observer]) -> None:
     structures = [jax.tree.structure(observer) for observer in group]
     for k, structure in enumerate(structures):
         if structure != structures[0]:
             raise BadInput(
-                f"Observer {k} of the batch differs from the first in more than its arrays (another plant, method or sample time, "
-                "or functions built twice); build all from one plant and one set of functions."
+                f"Observer {k} of the batch differs from the first in more than its arrays (another plant, method or "
+                "sample time, or functions built twice); build all from one plant and one set of functions."
             )
-    return jax.tree.map(_stacked_leaf, *group)
+
+
+def _one_or_stacked(items: list[Any]) -> tuple[Any, int | None]:
+    """Return what all runs share with no axis, or the stack with its batch axis."""
+    return (items[0], None) if len(items) == 1 else (jax.tree.map(_stacked_leaf, *items), 0)
 
 
 def _stacked_leaf(*leaves: Any) -> Any:

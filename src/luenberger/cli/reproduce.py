@@ -1,0 +1,46 @@
+"""`luenberger reproduce`: every number of a published paper beside ours."""
+
+from collections import Counter
+from typing import Annotated
+
+import typer
+
+from luenberger.cli.output import out, print_json, progress_bar
+from luenberger.core import BadInput
+from luenberger.core.checks import nearest
+from luenberger.experiment.published import SOURCES, Row
+from luenberger.report.tables import Table
+
+
+def command(
+    source: Annotated[str, typer.Argument(help="Paper, e.g. song-hedrick; left out: list them.")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
+) -> None:
+    """Recompute a paper row by row: printed, ours, verdict.
+
+    Example: luenberger reproduce song-hedrick
+    """
+    if not source:
+        print_json(list(SOURCES)) if as_json else out.print("\n".join(SOURCES))
+        return
+    if source not in SOURCES:
+        raise BadInput(f"No paper is called `{source}`.{nearest(source, SOURCES)}")
+    with progress_bar(quiet) as progress:
+        done: list[Row] = []
+
+        def told(row: Row) -> None:
+            done.append(row)
+            # The number of rows is not known beforehand; the bar approaches its end.
+            progress(row.item[:60], 1 - 1 / (1 + len(done) / 10))
+
+        rows = SOURCES[source](told)
+    counts = Counter(row.verdict.value for row in rows)
+    if as_json:
+        keys = ("item", "equation", "printed", "ours", "reason", "deviation")
+        listed = [{k: getattr(row, k) for k in keys} | {"verdict": row.verdict.value} for row in rows]
+        print_json({"source": source, "rows": listed, "counts": dict(counts)})
+        return
+    cells = [[r.item, r.equation, r.printed, r.ours, r.verdict.value, r.reason] for r in rows]
+    out.print(Table(["item", "where", "printed", "ours", "verdict", "reason"], cells, [], source).as_rich())
+    out.print(", ".join(f"{n} {word}" for word, n in counts.items()))
