@@ -15,7 +15,6 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from catalogue import robot, slip_angle_car
-
 from luenberger.methods import Method, PolytopicLuenberger, StructuredLipschitz
 from luenberger.synthesize import synthesize
 from luenberger.systems import System

@@ -1,6 +1,6 @@
 """The published two-mass table: bound, number of inequalities, and time against the solver's own.
 
-    python benchmarks/relaxations.py
+python benchmarks/relaxations.py
 """
 
 import time
@@ -23,7 +23,9 @@ def main() -> None:
         found = solve(problem)
         total = time.perf_counter() - start
         count = sum(map(len, expand(problem).values()))
-        ours, own = ("none", "-") if found is None else (f"{np.sqrt(found.objective):.5f}", f"{found.solver_seconds:.3f}")
+        ours, own = (
+            ("none", "-") if found is None else (f"{np.sqrt(found.objective):.5f}", f"{found.solver_seconds:.3f}")
+        )
         table.add_row(str(degree), f"{printed:.4f}", ours, str(count), f"{total:.2f}", own)
     Console().print(table)
     Console().print(f"truth on a grid of parameters and frequencies: {gridded_norm():.5f}")

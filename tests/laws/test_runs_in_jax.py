@@ -3,8 +3,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from catalogue import Row
 
+from catalogue import Row
 from luenberger.design import Design
 
 DT = 0.005

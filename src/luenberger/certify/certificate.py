@@ -188,7 +188,7 @@ def assumptions(system: System) -> tuple[str, ...]:
             + ", however fast it changes."
         )
     f = system.nonlinearity
-    if f is not None and f.jacobian_lower is not None:
+    if f is not None and f.jacobian_lower is not None and f.jacobian_upper is not None:
         how = (
             "proved by ball arithmetic when the plant was built"
             if f.bound_status == "proved"
@@ -259,7 +259,11 @@ def _ball_matrix(matrix: PlantMatrix, values: Mapping[str, Ball]) -> np.ndarray:
         return matrix.map(lambda c: balls(c) if c.size else c.astype(object))(values)
     names = matrix.names
     point = np.array([values[n] for n in names], dtype=object)
-    return evaluate(lambda r: matrix({n: r[k] for k, n in enumerate(names)}), point, arithmetic=BALL)
+
+    def at(r: Any) -> Any:
+        return matrix({n: r[k] for k, n in enumerate(names)})
+
+    return evaluate(at, point, arithmetic=BALL)
 
 
 def _reason(claim: Claim, verdict: Verdict) -> str:

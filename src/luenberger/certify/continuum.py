@@ -90,9 +90,11 @@ def proved_margin(matrix: np.ndarray) -> tuple[Outcome, float]:
 
 def as_float(matrix: np.ndarray) -> np.ndarray:
     """Round an object array of rationals or balls to doubles (midpoints); a guide for the search, never a proof."""
-    return np.vectorize(
-        lambda x: 0.5 * (x.lower + x.upper) if isinstance(x, Ball) else float(fraction(x)), otypes=[float]
-    )(matrix)
+
+    def middle(x: Any) -> float:
+        return 0.5 * (x.lower + x.upper) if isinstance(x, Ball) else float(fraction(x))
+
+    return np.vectorize(middle, otypes=[float])(matrix)
 
 
 def _polynomial_piece(matrix: Polynomial, piece: ExactBox) -> tuple[Outcome, float, dict[str, float]]:

@@ -21,7 +21,9 @@ def command(
 
     Example: luenberger list --json
     """
-    running = [n for n in observers.__all__ if n[0].isupper() and hasattr(getattr(observers, n), "step") and n != "Observer"]
+    running = [
+        n for n in observers.__all__ if n[0].isupper() and hasattr(getattr(observers, n), "step") and n != "Observer"
+    ]
     groups = {
         "method": {name: _first(method) for name, method in METHODS.items()},
         "observer": {name: _first(getattr(observers, name)) for name in running},

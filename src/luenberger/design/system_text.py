@@ -77,7 +77,7 @@ def system_from_text(data: dict[str, Any], function: Any = None) -> System:
     known_keys("The plant in the design file", data, _KEYS)
     if missing := [k for k in _KEYS if k not in data]:
         raise BadInput(f"The plant in the design file lacks {missing}; write it again with `Design.save`.")
-    matrices = {letter: polynomial_from_text(m) for letter, m in data["matrices"].items()}
+    matrices: dict[str, Polynomial | None] = {letter: polynomial_from_text(m) for letter, m in data["matrices"].items()}
     nonlinearity = None
     if data["nonlinearity"] is None:
         matrices["F"] = None

@@ -38,7 +38,7 @@ from luenberger.vehicle import (
 
 # Measurement noise every filter assumes [rad/s, m/s^2]: a production yaw-rate sensor and a vibrating accelerometer.
 SENSOR_DEVIATION = (0.01, 0.5)
-TYRE = ("front_stiffness", "rear_stiffness", "friction")
+TYRE: tuple[str, ...] = ("front_stiffness", "rear_stiffness", "friction")
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def build(setting: Setting, options: Mapping[str, Any], knobs: Mapping[str, floa
             raise BadInput(f"Option `{name}` of kind `{options['kind']}` is {value!r}; a positive number is needed.")
     tuned = dict(knobs or {})
     stiffness = {k: tuned.pop(k) for k in ("front_stiffness", "rear_stiffness") if k in tuned}
-    believed = Setting(setting.car.with_values(**stiffness), setting.speed, setting.acceleration, setting.dt)
+    believed = Setting(setting.car.with_values("", **stiffness), setting.speed, setting.acceleration, setting.dt)
     return kind.build(believed, {**kind.options, **given, **tuned})
 
 

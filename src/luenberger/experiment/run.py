@@ -107,7 +107,9 @@ def run_experiment(path: str | Path, out: str | Path = "results", progress: Prog
 def _car(spec: Specification) -> VehicleParameters:
     options = dict(spec.vehicle)
     car = car_named(str(options.pop("parameters", "")))
-    return car.with_values(**{k: float(v) for k, v in options.items()}) if options else car
+    return (
+        car.with_values("set in the experiment file", **{k: float(v) for k, v in options.items()}) if options else car
+    )
 
 
 def _prepared(spec: Specification, car: VehicleParameters) -> Trajectory:

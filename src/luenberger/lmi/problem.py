@@ -10,6 +10,7 @@ from typing import Any
 
 import cvxpy as cp
 import numpy as np
+from cvxpy.error import SolverError
 
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput
@@ -131,9 +132,9 @@ def solve(
         if any(v.value is None for v in unknowns) or (slack is not None and slack.value is None):
             continue
         values = {k: np.asarray(v.value) for k, v in problem.variables.items()}
-        margin, residual = _residual(problem, groups, values, 0.0 if slack is None else float(slack.value))
+        margin, residual = _residual(problem, groups, values, 0.0 if slack is None else float(np.asarray(slack.value)))
         if residual <= tolerance:
-            value = float(objective.expr.value)
+            value = float(np.asarray(objective.expr.value))
             return Solution(
                 values, value, value, margin, residual, name, own, time.perf_counter() - start, _charges(cones)
             )
@@ -184,7 +185,7 @@ def _run(posed: cp.Problem, solver: str) -> float:
         with warnings.catch_warnings(), _silent(solver):
             warnings.simplefilter("ignore")
             posed.solve(solver=solver, **SOLVERS[solver])
-    except (cp.error.SolverError, ArithmeticError, ValueError):
+    except (SolverError, ArithmeticError, ValueError):
         for variable in posed.variables():
             variable.save_value(None)
         return 0.0

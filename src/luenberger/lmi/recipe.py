@@ -62,7 +62,9 @@ def charged_block(problem: Problem) -> str:
     return max(answer.duals, key=lambda k: answer.duals[k]) if answer is not None and answer.duals else ""
 
 
-def nearest_level(posed: Callable[[float], Problem], easy: float, wanted: float, steps: int = 10, floor: float = 0.0) -> float | None:
+def nearest_level(
+    posed: Callable[[float], Problem], easy: float, wanted: float, steps: int = 10, floor: float = 0.0
+) -> float | None:
     """Return the feasible level closest to `wanted` that bisection finds, or None where `easy` fails too.
 
     Args:

@@ -14,7 +14,6 @@ from luenberger.lmi import Block, Solution
 from luenberger.systems import System
 from luenberger.systems.matrix import MatrixFunction
 
-
 # Squared gain norm [1/s^2] below which a smaller gain is no use: a plant that needs no correction still gets room to be proved.
 NEGLIGIBLE = 1e-2
 

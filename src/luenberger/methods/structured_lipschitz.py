@@ -73,7 +73,9 @@ class StructuredLipschitz:
         problem, Y = self._posed(system)
         found = centre(problem, floor=NEGLIGIBLE)
         if found is None:
-            nearest = nearest_level(lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate, floor=NEGLIGIBLE)
+            nearest = nearest_level(
+                lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate, floor=NEGLIGIBLE
+            )
             raise infeasible(problem, "decay_rate", self.decay_rate, "1/s", nearest)
         storage = rounded_storage(found.values["P"])
         gain = Y.map(lambda y: np.linalg.solve(found.values["P"], np.asarray(y.value)))

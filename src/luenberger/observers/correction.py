@@ -35,7 +35,8 @@ class CorrectionObserver(Observer):
     A continuous plant is advanced over the step by "rk4" with `substeps` parts, or by "exact", the exponential of the
     linear closed loop A(r) - L(r) C(r) evaluated in plain operations; "exact" is meant for fast gains, where Runge-Kutta
     would need many parts, and holds f(H xh, u) at its value at the sample (exponential Euler, first order in f).
-    Unmeasured parameters sit at their midpoints.
+    Unmeasured parameters sit at their midpoints. Sub-steps and the order of the exponential are chosen for the gain given
+    here and the declared scheduling box; r far outside it, or a much larger gain put in later, needs a new observer.
 
     Args:
         system: plant, continuous or discrete.

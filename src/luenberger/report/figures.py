@@ -16,7 +16,12 @@ Kind = Literal["estimates", "errors", "cost"]
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 _GRID = "#e6e8eb"
 # What people read on a screen, for each SI unit that is written differently there.
-_SHOWN = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi), "rad/s^2": ("deg/s²", 180 / np.pi), "m/s^2": ("m/s²", 1.0)}
+_SHOWN = {
+    "rad": ("deg", 180 / np.pi),
+    "rad/s": ("deg/s", 180 / np.pi),
+    "rad/s^2": ("deg/s²", 180 / np.pi),
+    "m/s^2": ("m/s²", 1.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +147,11 @@ def error_shares(
     plot.update_yaxes(title_text="share of samples [%]", range=[0, 101])
     plot.update_layout(hovermode="closest")
     return Figure(
-        "errors", "Share of samples within an error", _dressed(plot, 380), caption, {n: s.colour for n, s in looks.items()}
+        "errors",
+        "Share of samples within an error",
+        _dressed(plot, 380),
+        caption,
+        {n: s.colour for n, s in looks.items()},
     )
 
 
@@ -191,7 +200,15 @@ def comparison_figures(
 
 
 def _line(
-    plot: go.Figure, x: np.ndarray, y: np.ndarray, name: str, style: Style, row: int | None, *, width: float = 1.4, legend: bool = True
+    plot: go.Figure,
+    x: np.ndarray,
+    y: np.ndarray,
+    name: str,
+    style: Style,
+    row: int | None,
+    *,
+    width: float = 1.4,
+    legend: bool = True,
 ) -> None:
     x, y = decimated(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
     # Single precision is finer than any screen and halves the page; time keeps its digits.
@@ -199,7 +216,10 @@ def _line(
         x=x, y=y.astype(np.float32), name=name, legendgroup=name, showlegend=legend, mode="lines",
         line={"color": style.colour, "dash": style.dash, "width": width}, hovertemplate="%{y:.4g}",
     )  # fmt: skip
-    plot.add_trace(trace, **({} if row is None else {"row": row, "col": 1}))
+    if row is None:
+        plot.add_trace(trace)
+    else:
+        plot.add_trace(trace, row=row, col=1)
 
 
 def _band(plot: go.Figure, time: np.ndarray, lower: np.ndarray, upper: np.ndarray, name: str, colour: str) -> None:
@@ -242,6 +262,8 @@ def _dressed(plot: go.Figure, height: int) -> go.Figure:
         legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 13}},
         hoverlabel={"font": {"family": _FONT, "size": 12}},
     )
-    plot.update_xaxes(gridcolor=_GRID, zeroline=False, linecolor="#b6bbc2", ticks="outside", tickcolor="#b6bbc2", automargin=True)
+    plot.update_xaxes(
+        gridcolor=_GRID, zeroline=False, linecolor="#b6bbc2", ticks="outside", tickcolor="#b6bbc2", automargin=True
+    )
     plot.update_yaxes(gridcolor=_GRID, zeroline=True, zerolinecolor="#c9cdd2", zerolinewidth=1, automargin=True)
     return plot

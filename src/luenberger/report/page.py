@@ -70,7 +70,9 @@ class Page:
         """Return the page as text."""
         colours = {name: colour for figure in self.figures for name, colour in figure.colours.items()}
         places = {figure: f"figure-{k}" for k, figure in enumerate(self.figures)}
-        template = _environment().from_string((files("luenberger.report") / "page.html.jinja").read_text(encoding="utf-8"))
+        template = _environment().from_string(
+            (files("luenberger.report") / "page.html.jinja").read_text(encoding="utf-8")
+        )
         return template.render(
             page=self,
             paragraphs=[p for p in self.summary.split("\n\n") if p.strip()],

@@ -78,10 +78,12 @@ class Table:
             styles: cell text -> rich style, e.g. {"proved": "green"}.
         """
         marks = styles or {}
-        table = RichTable(title=self.title or None, caption="\n".join(self.notes) or None, caption_justify="left")
+        table = RichTable(
+            title=escape(self.title) or None, caption=escape("\n".join(self.notes)) or None, caption_justify="left"
+        )
         for name, right in zip(self.columns, self.numeric(), strict=True):
             # Numbers cut in two lines cannot be read; sentences may be folded.
-            table.add_column(name, justify="right" if right else "left", no_wrap=right, overflow="fold")
+            table.add_column(escape(name), justify="right" if right else "left", no_wrap=right, overflow="fold")
         for row in self.texts():
             table.add_row(*(f"[{marks[c]}]{escape(c)}[/]" if c in marks else escape(c) for c in row))
         return table

@@ -27,7 +27,9 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
     for degree, printed in enumerate(PRINTED):
         solution = solve(bounded_real(degree))
         if solution is None:
-            raise LuenbergerError(f"No solver found the bound for degree {degree}; install the extra solvers and try again.")
+            raise LuenbergerError(
+                f"No solver found the bound for degree {degree}; install the extra solvers and try again."
+            )
         bound = float(np.sqrt(solution.objective))
         found.append(
             judged(
