@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from jax import lax
 
+from luenberger.algebra import movement
 from luenberger.algebra.movement import MOVEMENTS, additions, moved, replayed
 from luenberger.core import BadInput
 
@@ -73,6 +74,15 @@ def test_elements_go_where_jax_puts_the_doubles(name: str) -> None:
             for result, truth in zip(results, expected, strict=True):
                 assert result.dtype == object
                 np.testing.assert_array_equal(result.astype(float), truth.astype(float), strict=True)
+
+
+def test_parameters_under_another_name_take_the_long_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    def renamed(parameters: dict, x: np.ndarray) -> np.ndarray:
+        return x.transpose(parameters["a name this JAX does not have"])
+
+    monkeypatch.setitem(movement._SHORTCUTS, "transpose", renamed)
+    equation, (operand,), (expected,) = equations(CASES["transpose"])[0]
+    np.testing.assert_array_equal(moved(equation, [operand.astype(object)])[0].astype(float), expected)
 
 
 def test_an_address_that_depends_on_the_arguments_is_refused() -> None:

@@ -55,6 +55,8 @@ CASES: dict[str, Callable] = {
     "known linear algebra": lambda x: jnp.linalg.inv(2 * jnp.eye(3) + 0.1) @ x,
     "known everything": lambda x: (jnp.arange(3) // 2 + jnp.sort(jnp.array([3, 1, 2])), jnp.log(-jnp.ones(2)) * 0 == 1),
     "random": lambda x: x + jax.random.uniform(jax.random.key(3), (3,)),
+    "indices from a table": lambda x: lax.fori_loop(0, 3, lambda i, c: c + x[jnp.array([2, 0, 1])[i]] * i, 0.0),
+    "known movement": lambda x: x[jnp.pad(jnp.array([1, 2])[jnp.array([1, 0])], 1).at[0].set(2)],
     "indices by arithmetic": lambda x: x[(jnp.arange(3) * 2 + 1) % 3] + jnp.roll(x, 1),
 }
 

@@ -215,9 +215,3 @@ def test_runs_under_jit_vmap_and_in_float32_without_retracing(method: str) -> No
     single = step(observers[0], jnp.array([0.3, 0.1], jnp.float32))
     assert single.dtype == jnp.float32
     np.testing.assert_allclose(single, singles[0], rtol=1e-5)
-
-
-def test_builder_is_the_constructor() -> None:
-    built = CorrectionObserver.of(car(), CAR_GAIN, DT, substeps=3)
-    assert built.substeps == 3
-    assert built.states == ("vy", "yaw_rate")

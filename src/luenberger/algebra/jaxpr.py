@@ -22,7 +22,7 @@ from luenberger.core import BadInput
 __all__ = ["BALL", "FLOAT", "Arithmetic", "Trace", "evaluate", "trace"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trace:
     """A JAX function as a list of scalar operations; made by `trace`, called with any arithmetic.
 

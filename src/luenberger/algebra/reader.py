@@ -15,7 +15,9 @@ from luenberger.core import BadInput
 _CALLS = frozenset(("pjit", "jit", "closed_call", "core_call", "remat", "remat2", "checkpoint"))
 _HANDMADE = frozenset(("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr", "stop_gradient"))
 _BODIES = ("jaxpr", "call_jaxpr", "fun_jaxpr")
-_SAME = frozenset(("stop_gradient", "reduce_precision", "optimization_barrier", "sharding_constraint", "name", "pvary"))
+_SAME = frozenset(
+    ("stop_gradient", "reduce_precision", "optimization_barrier", "sharding_constraint", "device_put", "name", "pvary")
+)
 
 
 class Reader:
@@ -148,8 +150,8 @@ def _folded(equation: Any, operands: list[Any]) -> list[Any]:
     given: str = equation.primitive.name
     name, parameters = ALIASES.get(given, given), equation.params
     if all(isinstance(x, np.ndarray) for x in operands):
-        if name in MOVEMENTS and name not in ("gather", "scatter", "pad"):
-            return moved(equation, operands)
+        if name in MOVEMENTS:
+            return [_settled(x, v.aval.dtype) for x, v in zip(moved(equation, operands), equation.outvars, strict=True)]
         if name == "convert_element_type":
             return [operands[0].astype(parameters["new_dtype"])]
         if name == "iota":

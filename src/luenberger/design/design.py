@@ -49,7 +49,7 @@ class Design:
             dt: sample time [s]; a discrete design needs its own.
             options: see `CorrectionObserver`.
         """
-        return CorrectionObserver.of(self.system, self.gain, dt, **options)
+        return CorrectionObserver(self.system, self.gain, dt, **options)
 
     def certify(self) -> Certificate:
         """Check all claims again, from plant, gain and witnesses alone."""

@@ -1,12 +1,14 @@
 """From an experiment file to designs, a replay, scores and one page."""
 
 import hashlib
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import luenberger
 from luenberger.core import Signal, Trajectory
@@ -97,9 +99,8 @@ def run_experiment(path: str | Path, out: str | Path = "results", progress: Prog
     errors = {name: _rmse(sideslip[name], scored, spec.skip) for name in entrants}
     table = _table(spec, entrants, scored, sideslip, errors, seconds, knobs)
     summary = _summary(spec, errors)
-    page, files = _written(
-        spec, Path(out) / Path(path).stem, entrants, scored, sideslip, errors, seconds, table, summary
-    )
+    folder = Path(out) / Path(path).stem
+    page, files = _written(spec, car, folder, entrants, scored, sideslip, errors, seconds, table, summary)
     tell("done", 1.0)
     return Result(spec.title, summary, table, page, files, entrants, sideslip, scored, errors)
 
@@ -241,6 +242,7 @@ def _summary(spec: Specification, errors: Mapping[str, float]) -> str:
 
 def _written(
     spec: Specification,
+    car: VehicleParameters,
     folder: Path,
     entrants: Mapping[str, Entrant],
     log: Trajectory,
@@ -254,16 +256,15 @@ def _written(
     designs = {name: e.design for name, e in entrants.items() if e.design is not None}
     files = []
     for name, design in designs.items():
-        files.append(folder / f"{name.replace(' ', '_').lower()}.json")
+        files.append(folder / f"{re.sub(r'[^a-z0-9]+', '_', name.lower())}.json")
         design.save(files[-1])
-    names = ["time", "truth", *sideslip]
-    values = np.column_stack([log.time, log["sideslip"].values, *sideslip.values()])
+    columns = {"time": log.time, "truth": log["sideslip"].values, **sideslip}
     files.append(folder / "sideslip.csv")
-    np.savetxt(files[-1], values, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+    pd.DataFrame(columns).to_csv(files[-1], index=False, float_format="%.9g")
     page = Page(
         title=spec.title,
         summary=summary,
-        assumptions=_assumptions(spec, designs, log),
+        assumptions=_assumptions(spec, car, designs, log),
         designs=designs,
         scores=table,
         figures=comparison_figures(
@@ -288,13 +289,18 @@ def _written(
     return files[-1], tuple(files)
 
 
-def _assumptions(spec: Specification, designs: Mapping[str, Design], log: Trajectory) -> list[str]:
+def _assumptions(
+    spec: Specification, car: VehicleParameters, designs: Mapping[str, Design], log: Trajectory
+) -> list[str]:
     noise = ", ".join(f"{n} {v:g}" for n, v in spec.noise.items())
+    numbers = "; ".join(f"{row.name} {row.value:g} {row.unit} ({row.source})" for row in car.table())
     return [
+        *spec.notes,
         *(f"{name}: {line}" for name, design in designs.items() for line in _broken(design, log)),
         f"White noise was added to the log: {noise} (standard deviations, SI)."
         if noise
         else "The log was replayed as it is.",
+        f"The car is {car.name}: {numbers}.",
     ]
 
 

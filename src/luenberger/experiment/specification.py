@@ -12,7 +12,7 @@ from luenberger.core.checks import known_keys, nearest
 DATA = Path(__file__).parent / "data"
 CHANNELS = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration")
 _KEYS = {
-    "the experiment": ("title", "log", "vehicle", "domain", "sensors", "score", "fit", "entrants"),
+    "the experiment": ("title", "notes", "log", "vehicle", "domain", "sensors", "score", "fit", "entrants"),
     "[log]": ("path", "attribution", "time", "sample_time", "start", "stop", "channels"),
     "[vehicle]": (
         "parameters",
@@ -36,6 +36,7 @@ class Specification:
 
     Args:
         title: headline of the page.
+        notes: what a reader of the results must know about this log, shown on the page.
         path: the log, absolute.
         attribution: where the log comes from, shown on the page.
         time: time column and unit.
@@ -54,6 +55,7 @@ class Specification:
     """
 
     title: str
+    notes: tuple[str, ...]
     path: Path
     attribution: str
     time: Mapping[str, Any]
@@ -97,6 +99,7 @@ def read_specification(path: str | Path) -> Specification:
     sensors = dict(data.get("sensors", {}))
     return Specification(
         title=str(data.get("title", path.stem)),
+        notes=tuple(map(str, data.get("notes", []))),
         path=_log_path(str(_part(log, "path", path, "[log]")), path),
         attribution=str(log.get("attribution", "")),
         time=_part(log, "time", path, "[log]"),

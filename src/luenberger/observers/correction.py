@@ -86,11 +86,6 @@ class CorrectionObserver(Observer):
             loop = closed_loop(system, self.gain)
             self.order = hold_order(self.dt * largest_norm(loop, system.scheduling_box))
 
-    @staticmethod
-    def of(system: System, gain: Any, dt: float | None = None, **options: Any) -> "CorrectionObserver":
-        """Return the observer of a plant and a gain; the arguments are those of the class."""
-        return CorrectionObserver(system, gain, dt, **options)
-
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the estimated states."""

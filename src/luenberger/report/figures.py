@@ -245,7 +245,7 @@ def _bars(kind: Kind, names: Sequence[str], values: np.ndarray, title: str, unit
     top = float(np.nanmax(values)) if values.size else 1.0
     plot.update_xaxes(title_text=f"{title} [{unit}]" if unit else title, range=[0, 1.18 * top if top > 0 else 1.0])
     plot.update_yaxes(autorange="reversed", showgrid=False)
-    plot.update_layout(showlegend=False, hovermode="closest", dragmode=False)
+    plot.update_layout(showlegend=False, hovermode="closest", dragmode=False, margin={"t": 8})
     return Figure(kind, title, plot, caption, {n: looks[n].colour for n in names})
 
 
@@ -257,9 +257,10 @@ def _dressed(plot: go.Figure, height: int) -> go.Figure:
         font={"family": _FONT, "size": 13, "color": "#30343a"},
         paper_bgcolor="white",
         plot_bgcolor="white",
-        margin={"l": 64, "r": 16, "t": 12, "b": 48},
+        margin={"l": 64, "r": 16, "t": 30, "b": 48},
         hovermode="x unified",
-        legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 13}},
+        # The buttons lie above the plot, so the legend lies below: a fixed distance in pixels whatever the height.
+        legend={"orientation": "h", "x": 0, "y": -62 / (height - 100), "yanchor": "top", "font": {"size": 13}},
         hoverlabel={"font": {"family": _FONT, "size": 12}},
     )
     plot.update_xaxes(

@@ -1,6 +1,7 @@
 """One HTML page of an experiment: it holds everything it shows and needs no network."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -8,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
 from luenberger.core import BadInput, Outcome
@@ -19,6 +20,7 @@ from luenberger.report.tables import Table, gain_table
 # Drag zooms, a double click shows all again; without the logo and the buttons nobody needs offline.
 _CONFIG = {
     "displaylogo": False,
+    "displayModeBar": True,
     "responsive": True,
     "modeBarButtonsToRemove": ["lasso2d", "select2d", "autoScale2d"],
     "toImageButtonOptions": {"format": "svg"},
@@ -87,11 +89,20 @@ class Page:
 
 
 def _environment() -> Environment:
-    return Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["prose"] = _prose
+    return environment
+
+
+def _prose(sentence: str) -> Markup:
+    """Return a sentence escaped, with what stands between backticks set as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(sentence))))
 
 
 def _plot(place: str, figure: Figure) -> dict[str, Any]:
-    return {"place": place, **json.loads(str(figure.plot.to_json()))}
+    # What cannot be zoomed needs no buttons.
+    config = {"displayModeBar": False} if figure.plot.layout.dragmode is False else {}
+    return {"place": place, "config": config, **json.loads(str(figure.plot.to_json()))}
 
 
 def _as_script(data: Any) -> str:
@@ -117,10 +128,16 @@ def _certified(name: str, design: Design, colour: str | None) -> dict[str, Any]:
         "name": name,
         "colour": colour,
         "method": design.method,
-        "options": ", ".join(f"{k} = {v}" for k, v in design.options.items()),
+        "options": _options_text(design.options),
         "outcome": design.certificate.outcome.value,
         "whole": design.certificate.outcome is Outcome.PROVED,
         "proofs": proofs,
         "assumptions": design.certificate.assumptions,
         "gain": Markup(gain_table(design.gain, design.system).as_html()),
     }
+
+
+def _options_text(options: Mapping[str, Any]) -> str:
+    """Return options as people read them: "decay_rate = 3, relaxation (parts = 1)"."""
+    parts = [f"{k} ({_options_text(v)})" if isinstance(v, Mapping) else f"{k} = {v}" for k, v in options.items()]
+    return ", ".join(parts)

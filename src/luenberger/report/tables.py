@@ -17,6 +17,8 @@ from luenberger.core import BadInput
 from luenberger.systems import System
 
 NOTHING = "–"
+# Longest text [characters] that is kept in one line on a page.
+_SHORT = 24
 
 
 @dataclass(frozen=True)
@@ -100,11 +102,15 @@ class Table:
             colours: text of a first cell -> colour of the mark before it.
         """
         marks = colours or {}
-        right = self.numeric()
+        texts = self.texts()
+        kinds = [
+            "number" if right else "short" if all(len(row[k]) <= _SHORT for row in texts) else "long"
+            for k, right in enumerate(self.numeric())
+        ]
         head = "".join(
-            f'<th scope="col"{_number_class(r)}>{html.escape(c)}</th>' for c, r in zip(self.columns, right, strict=True)
+            f'<th scope="col" class="{k}">{html.escape(c)}</th>' for c, k in zip(self.columns, kinds, strict=True)
         )
-        body = "".join(f"<tr>{_html_row(cells, right, marks)}</tr>" for cells in self.texts())
+        body = "".join(f"<tr>{_html_row(cells, kinds, marks)}</tr>" for cells in texts)
         caption = f"<caption>{html.escape(self.title)}</caption>" if self.title else ""
         notes = "".join(f'<p class="note">{html.escape(n)}</p>' for n in self.notes)
         return f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{notes}'
@@ -183,16 +189,12 @@ def _power(name: str, exponent: int) -> str:
     return name if exponent == 1 else name + str(exponent).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def _number_class(is_number: bool) -> str:
-    return ' class="number"' if is_number else ""
-
-
-def _html_row(cells: Sequence[str], right: Sequence[bool], marks: Mapping[str, str]) -> str:
+def _html_row(cells: Sequence[str], kinds: Sequence[str], marks: Mapping[str, str]) -> str:
     parts = []
-    for k, (cell, number) in enumerate(zip(cells, right, strict=True)):
+    for k, (cell, kind) in enumerate(zip(cells, kinds, strict=True)):
         colour = marks.get(cell) if k == 0 else None
         mark = f'<span class="mark" style="background:{html.escape(colour)}"></span>' if colour else ""
-        parts.append(f"<td{_number_class(number)}>{mark}{html.escape(cell)}</td>")
+        parts.append(f'<td class="{kind}">{mark}{html.escape(cell)}</td>')
     return "".join(parts)
 
 
