@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import lax
 
 from luenberger.algebra.subdivision import Search
 from luenberger.core import BadInput
@@ -64,8 +65,6 @@ def test_mean_value_form_is_left_out_across_a_jump() -> None:
 
 
 def test_derivative_rules_by_hand_are_not_trusted() -> None:
-    from jax import lax
-
     found = search(lambda x: lax.stop_gradient(jnp.sin(x)) * (1 + 0 * x) - lax.stop_gradient(x) / 9, [0.0], [3.0])
     assert found.derivative is None
     found.refine()

@@ -65,6 +65,9 @@ def rational(value: Any) -> fmpq:
 def number(value: Any) -> arb:
     """Return a real number as a flint ball: exact for doubles, rounded outward where the precision does not hold it.
 
+    Args:
+        value: float, integer or rational.
+
     Raises:
         OutsideDomain: NaN or infinite.
         BadInput: not a real number.

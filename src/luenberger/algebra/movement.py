@@ -51,7 +51,11 @@ def moved(equation: Any, operands: list[Any]) -> list[np.ndarray]:
 
 
 def replayed(equation: Any, operands: list[Any]) -> list[np.ndarray]:
-    """Return the outputs of a data-movement equation by binding its primitive on arrays of places."""
+    """Return the outputs of a data-movement equation by binding its primitive on arrays of places.
+
+    Args:
+        operands: the operands, index arrays for those that are moved.
+    """
     primitive, parameters = equation.primitive, dict(equation.params)
     addresses = range(len(operands))[MOVEMENTS[primitive.name]]
     pool: list[Any] = []
@@ -75,7 +79,12 @@ def replayed(equation: Any, operands: list[Any]) -> list[np.ndarray]:
 
 
 def additions(equation: Any, operands: list[Any]) -> np.ndarray:
-    """Return the 0-1 matrix (updates, targets) that says which update of a scatter-add lands on which target."""
+    """Return the 0-1 matrix (updates, targets) that says which update of a scatter-add lands on which target.
+
+    Args:
+        equation: the equation of the jaxpr.
+        operands: its operands.
+    """
     target, indices, updates = operands
     _need_known_address("scatter-add", indices)
     rows: list[np.ndarray] = []

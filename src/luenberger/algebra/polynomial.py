@@ -263,7 +263,11 @@ def _matrix(coefficient: Any) -> Any:
 
 
 def fraction(number: Any) -> Fraction:
-    """Return the exact value of a finite float, integer or flint rational as a `Fraction`."""
+    """Return the exact value of a finite float, integer or flint rational as a `Fraction`.
+
+    Args:
+        number: float, integer, `Fraction` or flint rational.
+    """
     if isinstance(number, fmpq):
         return Fraction(int(number.p), int(number.q))
     if isinstance(number, float) and not math.isfinite(number):
@@ -272,12 +276,20 @@ def fraction(number: Any) -> Fraction:
 
 
 def fraction_as_float(number: Fraction) -> float:
-    """Round a fraction to the nearest double."""
+    """Round a fraction to the nearest double.
+
+    Args:
+        number: the fraction.
+    """
     return float(number)
 
 
 def as_fmpq(number: Fraction) -> fmpq:
-    """Return a fraction as a flint rational."""
+    """Return a fraction as a flint rational.
+
+    Args:
+        number: the fraction.
+    """
     return fmpq(number.numerator, number.denominator)
 
 

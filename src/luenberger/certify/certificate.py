@@ -10,7 +10,7 @@ import numpy as np
 from luenberger.algebra import Polynomial, symmetric
 from luenberger.algebra.ball import Ball
 from luenberger.algebra.definiteness import exact, positive_definite
-from luenberger.algebra.jaxpr import BALL, evaluate
+from luenberger.algebra.jaxpr import BALL, Trace, trace
 from luenberger.certify.claim import Claim, from_text, to_text
 from luenberger.certify.continuum import Verdict, negative_definite
 from luenberger.core import NotAccepted, Outcome
@@ -176,7 +176,11 @@ def prove(system: System, gain: Polynomial, claim: Claim) -> Proof:
 
 
 def assumptions(system: System) -> tuple[str, ...]:
-    """Return what a certificate of this plant rests on, one sentence each."""
+    """Return what a certificate of this plant rests on, one sentence each.
+
+    Args:
+        system: plant.
+    """
     time_axis = "continuous time" if system.dt is None else f"discrete time with step {system.dt:g} s"
     lines = [
         f"The plant is `{system.name}` in {time_axis}; the claim is about that model, not about another sampling of it."
@@ -243,9 +247,15 @@ def _exact_lift(matrix: PlantMatrix) -> Polynomial:
 
 
 def _prove_with_balls(system: System, gain: Polynomial, claim: Claim) -> Verdict:
+    # Each function is read once; pieces only evaluate what was read.
+    traces = {id(m): _traced(m) for m in system.matrices.values() if isinstance(m, MatrixFunction)}
+
     def on_piece(values: Mapping[str, Ball]) -> np.ndarray:
         def lift(matrix: PlantMatrix) -> Polynomial:
-            return Polynomial.constant(_ball_matrix(matrix, values))
+            if isinstance(matrix, Polynomial):
+                return Polynomial.constant(_ball_values(matrix, values))
+            point = np.array([values[n] for n in matrix.names], dtype=object)
+            return Polynomial.constant(traces[id(matrix)](point, arithmetic=BALL))
 
         inequality = _inequality(system, gain, claim, lift)
         return inequality({n: values[n] for n in inequality.names})
@@ -253,17 +263,18 @@ def _prove_with_balls(system: System, gain: Polynomial, claim: Claim) -> Verdict
     return negative_definite(on_piece, error_box(system))
 
 
-def _ball_matrix(matrix: PlantMatrix, values: Mapping[str, Ball]) -> np.ndarray:
-    if isinstance(matrix, Polynomial):
-        balls = np.vectorize(Ball.exact, otypes=[object])
-        return matrix.map(lambda c: balls(c) if c.size else c.astype(object))(values)
+def _traced(matrix: MatrixFunction) -> Trace:
     names = matrix.names
-    point = np.array([values[n] for n in names], dtype=object)
 
     def at(r: Any) -> Any:
         return matrix({n: r[k] for k, n in enumerate(names)})
 
-    return evaluate(at, point, arithmetic=BALL)
+    return trace(at, np.zeros(len(names)))
+
+
+def _ball_values(matrix: Polynomial, values: Mapping[str, Ball]) -> np.ndarray:
+    balls = np.vectorize(Ball.exact, otypes=[object])
+    return matrix.map(lambda c: balls(c) if c.size else c.astype(object))(values)
 
 
 def _reason(claim: Claim, verdict: Verdict) -> str:

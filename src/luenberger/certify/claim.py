@@ -95,7 +95,11 @@ _inputs = {"disturbance": "disturbance", "noise": "noise", "both": "disturbance 
 
 
 def to_text(number: float) -> str:
-    """Return the exact value of a double as a rational, e.g. "5/4"."""
+    """Return the exact value of a double as a rational, e.g. "5/4".
+
+    Args:
+        number: any finite double.
+    """
     p, q = float(number).as_integer_ratio()
     return str(p) if q == 1 else f"{p}/{q}"
 
@@ -121,10 +125,18 @@ def from_text(text: str) -> float:
 
 
 def matrix_text(array: np.ndarray) -> list[list[str]]:
-    """Return a matrix as nested rational strings."""
+    """Return a matrix as nested rational strings.
+
+    Args:
+        array: matrix of doubles.
+    """
     return [[to_text(x) for x in row] for row in np.atleast_2d(array)]
 
 
 def matrix_from_text(rows: list[list[str]]) -> np.ndarray:
-    """Return the float matrix that `matrix_text` wrote."""
+    """Return the float matrix that `matrix_text` wrote.
+
+    Args:
+        rows: nested rational strings.
+    """
     return np.array([[from_text(x) for x in row] for row in rows], dtype=np.float64).reshape(len(rows), -1)

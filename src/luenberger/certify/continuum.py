@@ -89,7 +89,11 @@ def proved_margin(matrix: np.ndarray) -> tuple[Outcome, float]:
 
 
 def as_float(matrix: np.ndarray) -> np.ndarray:
-    """Round an object array of rationals or balls to doubles (midpoints); a guide for the search, never a proof."""
+    """Round an object array of rationals or balls to doubles (midpoints); a guide for the search, never a proof.
+
+    Args:
+        matrix: object array of rationals or balls.
+    """
 
     def middle(x: Any) -> float:
         return 0.5 * (x.lower + x.upper) if isinstance(x, Ball) else float(fraction(x))

@@ -20,7 +20,11 @@ def polynomial_as_text(polynomial: Polynomial) -> dict[str, Any]:
 
 
 def polynomial_from_text(data: dict[str, Any]) -> Polynomial:
-    """Read what `polynomial_as_text` wrote."""
+    """Read what `polynomial_as_text` wrote.
+
+    Args:
+        data: names, shape and terms.
+    """
     shape = tuple(data["shape"])
     return Polynomial(
         data["names"],
@@ -30,6 +34,9 @@ def polynomial_from_text(data: dict[str, Any]) -> Polynomial:
 
 def system_as_text(system: System) -> dict[str, Any]:
     """Return a plant as plain data.
+
+    Args:
+        system: plant.
 
     Raises:
         NotAccepted: a matrix is a function on the domain, which has no text.

@@ -120,6 +120,9 @@ def build(setting: Setting, options: Mapping[str, Any], knobs: Mapping[str, floa
 def kind_of(options: Mapping[str, Any]) -> Kind:
     """Return the kind an entrant names.
 
+    Args:
+        options: table of an entrant, with `kind`.
+
     Raises:
         BadInput: missing or unknown kind.
     """

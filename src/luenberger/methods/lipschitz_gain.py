@@ -161,6 +161,9 @@ def require_norm(norm: str) -> None:
 def require_disturbance(system: System) -> None:
     """Refuse plants without an unknown input.
 
+    Args:
+        system: plant.
+
     Raises:
         NotAccepted: see above.
     """

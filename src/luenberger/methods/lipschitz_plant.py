@@ -131,6 +131,10 @@ def require_epsilon(epsilon: float) -> None:
 def require_weight(name: str, value: float) -> None:
     """Refuse a trade-off weight outside the open interval (0, 1).
 
+    Args:
+        name: how the option is called.
+        value: its value.
+
     Raises:
         BadInput: at the ends one of the two goals is dropped and the optimum is not attained.
     """
@@ -143,6 +147,9 @@ def require_weight(name: str, value: float) -> None:
 
 def require_lipschitz(system: System) -> None:
     """Refuse plants without a nonlinearity.
+
+    Args:
+        system: plant.
 
     Raises:
         NotAccepted: see above.

@@ -87,6 +87,9 @@ class LipschitzRiccati:
 def require_lumped(system: System, transform: Transform, route: str) -> None:
     """Refuse what no Riccati-form Lipschitz design covers.
 
+    Args:
+        system: plant.
+
     Raises:
         NotAccepted: linear, discrete, scheduled or undetectable plant.
         BadInput: bad transform, or a route that is not known.

@@ -66,6 +66,9 @@ class Method(Protocol):
 def require_polynomial(system: System) -> None:
     """Refuse plants with function matrices or unmeasured parameters in the error equation.
 
+    Args:
+        system: plant.
+
     Raises:
         NotAccepted: see above.
     """
@@ -83,6 +86,9 @@ def require_polynomial(system: System) -> None:
 
 def require_continuous(system: System) -> None:
     """Refuse discrete plants.
+
+    Args:
+        system: plant.
 
     Raises:
         NotAccepted: the plant has a sample time.
@@ -136,7 +142,11 @@ def gain_bound(gain: Polynomial, box: Mapping[str, tuple[float, float]]) -> Clai
 
 
 def statistics(found: Solution) -> dict[str, Any]:
-    """Return what a design file records of a solver run: who, how long, how well, and the optimum before back-off."""
+    """Return what a design file records of a solver run: who, how long, how well, and the optimum before back-off.
+
+    Args:
+        found: solution of the recipe.
+    """
     return {
         "solver": found.solver,
         "solver_seconds": found.solver_seconds,

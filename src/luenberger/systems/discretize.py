@@ -143,12 +143,21 @@ def runge_kutta(slope: Callable[[Any], jax.Array], x: Any, h: float) -> jax.Arra
 
 
 def derivative(system: System, x: Any, u: Any, r: Any) -> jax.Array:
-    """Return what `System.dynamics` returns, with products that fuse in a compiled loop."""
+    """Return what `System.dynamics` returns, with products that fuse in a compiled loop.
+
+    Args:
+        system: plant.
+        x: state, shape (nx,).
+    """
     return product(system.at("A", r), x) + forcing(system, x, u, r)
 
 
 def forcing(system: System, x: Any, u: Any, r: Any) -> jax.Array:
-    """Return B(r) u + F(r) f(H x, u), shape (nx,): all of the right-hand side but A x."""
+    """Return B(r) u + F(r) f(H x, u), shape (nx,): all of the right-hand side but A x.
+
+    Args:
+        system: plant.
+    """
     total = jnp.zeros_like(x)
     if system.nu:
         total = total + product(system.at("B", r), u)
@@ -158,7 +167,11 @@ def forcing(system: System, x: Any, u: Any, r: Any) -> jax.Array:
 
 
 def varying(system: System) -> tuple[str, ...]:
-    """Return the letters of the dynamics matrices that depend on a parameter."""
+    """Return the letters of the dynamics matrices that depend on a parameter.
+
+    Args:
+        system: plant.
+    """
     return tuple(letter for letter in "ABEF" if any(_degrees(getattr(system, letter)).values()))
 
 

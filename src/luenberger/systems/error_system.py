@@ -24,7 +24,11 @@ Lift = Callable[[PlantMatrix], Polynomial]
 
 
 def as_floats(value: PlantMatrix) -> Polynomial:
-    """The lift of design code: polynomial form with float coefficients."""
+    """The lift of design code: polynomial form with float coefficients.
+
+    Args:
+        value: a matrix of the plant.
+    """
     return polynomial("a plant matrix", value)
 
 
@@ -145,7 +149,11 @@ class ErrorSystem:
 
 
 def error_box(system: System) -> dict[str, tuple[float, float]]:
-    """Return name -> interval of every scheduling parameter and every varying Jacobian entry of a plant."""
+    """Return name -> interval of every scheduling parameter and every varying Jacobian entry of a plant.
+
+    Args:
+        system: plant.
+    """
     f = system.nonlinearity
     if f is None or f.jacobian_lower is None or f.jacobian_upper is None:
         return dict(system.scheduling_box)

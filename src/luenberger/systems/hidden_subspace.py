@@ -105,7 +105,11 @@ def kernel(M: np.ndarray, size: float) -> np.ndarray:
 
 
 def span(M: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of the column space of a matrix with columns of about unit length, (n, rank)."""
+    """Return an orthonormal basis of the column space of a matrix with columns of about unit length, (n, rank).
+
+    Args:
+        M: matrix whose columns span the subspace.
+    """
     if not M.shape[1]:
         return M
     left, values, _ = np.linalg.svd(M, full_matrices=False)

@@ -71,6 +71,9 @@ def plant_matrix(name: str, value: Any, rows: int, columns: int, known: Sequence
 def polynomial(name: str, value: PlantMatrix) -> Polynomial:
     """Return a plant matrix as a polynomial, refusing function form by name.
 
+    Args:
+        value: the matrix.
+
     Raises:
         NotAccepted: the matrix is a function on the domain.
     """

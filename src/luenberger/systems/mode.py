@@ -134,7 +134,11 @@ def in_words(vector: np.ndarray, names: Sequence[str]) -> str:
 
 
 def place(where: Mapping[str, float]) -> str:
-    """Return " at vx = 10, mu = 0.9", or nothing for a plant without parameters."""
+    """Return " at vx = 10, mu = 0.9", or nothing for a plant without parameters.
+
+    Args:
+        where: parameter name -> value.
+    """
     return f" at {', '.join(f'{name} = {value:.6g}' for name, value in where.items())}" if where else ""
 
 

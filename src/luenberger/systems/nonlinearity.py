@@ -95,7 +95,9 @@ class Nonlinearity(eqx.Module):
         found = enclose_jacobian(
             lambda z: jnp.atleast_1d(function(z, jnp.zeros(0))), H @ lower, H @ upper, tolerance=tolerance
         )
-        return Nonlinearity(function, H, found.lower.shape[0], found.lower, found.upper, None, (lower, upper), "proved")
+        # Jumps and hand-written derivative rules leave assumptions: then the box is no proof about difference quotients.
+        status = "declared" if found.assumptions else "proved"
+        return Nonlinearity(function, H, found.lower.shape[0], found.lower, found.upper, None, (lower, upper), status)
 
     def __call__(self, x: Any, u: Any) -> jax.Array:
         """Return f(H x, u), shape (nf,)."""

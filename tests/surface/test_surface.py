@@ -1,0 +1,106 @@
+"""What users see: names, docstrings, arguments, references, and what an import costs."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from luenberger.methods import METHODS
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "src/luenberger"
+ROOMS = sorted(p.parent.name for p in PACKAGE.glob("*/__init__.py") if p.stat().st_size)
+# Commands document their arguments in their own --help.
+MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.name != "__init__.py" and p.parent.name != "cli")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_all_is_what_is_visible(room: str) -> None:
+    module = importlib.import_module(f"luenberger.{room}")
+    names = getattr(module, "__all__", [])
+    assert len(set(names)) == len(names)
+    assert all(hasattr(module, name) for name in names)
+
+
+def _undocumented(path: Path) -> list[str]:
+    """Names without a docstring, and arguments that the docstring of their function does not mention."""
+    found = []
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            text = ast.get_docstring(node) or ""
+            found += [] if text else [node.name]
+            members = [node] if isinstance(node, ast.FunctionDef) else [
+                m for m in node.body if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")
+            ]
+            for member in members:
+                own = ast.get_docstring(member) or ""
+                if isinstance(node, ast.ClassDef) and any(ast.unparse(b).startswith("Protocol") for b in node.bases):
+                    continue
+                found += [] if own else [f"{node.name}.{member.name}"]
+                if "see `" in own.lower() or "arguments as" in own or isinstance(node, ast.ClassDef):
+                    continue
+                arguments = [*member.args.posonlyargs, *member.args.args, *member.args.kwonlyargs]
+                found += [f"{member.name}({a.arg})" for a in arguments if a.arg not in own and a.arg not in ("self", "cls")]
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_everything_public_is_documented(path: Path) -> None:
+    assert _undocumented(path) == []
+
+
+@pytest.mark.parametrize("method", METHODS.values(), ids=lambda m: m.__name__)
+def test_every_method_is_cited(method: type) -> None:
+    assert method.references
+    assert "Reference:" in (method.__doc__ or "")
+    assert "Certifies:" in (method.__doc__ or "")
+    assert "Assumes:" in (method.__doc__ or "")
+
+
+def _loads(code: str) -> str:
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def test_import_loads_no_solver() -> None:
+    shown = _loads("import sys, luenberger; print([m for m in ('cvxpy', 'matplotlib', 'diffrax') if m in sys.modules])")
+    assert shown.strip() == "[]"
+
+
+def test_certify_runs_without_a_solver(tmp_path: Path) -> None:
+    _loads(
+        "from luenberger.methods import PolytopicLuenberger\nfrom luenberger.synthesize import synthesize\n"
+        "from luenberger.systems import System\n"
+        f"synthesize(System.linear([[-1.0]], C=[[1.0]]), PolytopicLuenberger()).save(r'{tmp_path / 'd.json'}')"
+    )
+    blocked = "import sys\nsys.modules['cvxpy'] = None\nsys.modules['clarabel'] = None\n"
+    shown = _loads(blocked + f"from luenberger.cli import main\nmain(['certify', r'{tmp_path / 'd.json'}'])")
+    assert "proved" in shown
+
+
+def test_readme_commands_exist() -> None:
+    readme, script = (ROOT / "README.md").read_text(), (ROOT / "make.py").read_text()
+    for word in ("demo", "test"):
+        assert f"python3 make.py {word}" in readme
+        assert f'"{word}"' in script
+    assert (ROOT / "experiments/slip_angle_slalom.toml").is_file()
+
+
+def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    readme = (ROOT / "README.md").read_text()
+    code = readme.split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert (tmp_path / "robot.json").is_file()
+    assert all(p.outcome.value == "proved" for p in names["design"].certificate.proofs)  # type: ignore[attr-defined]
+
+
+def test_nothing_names_this_machine() -> None:
+    text = "\n".join(p.read_text() for p in [*PACKAGE.rglob("*.py"), *(ROOT / "experiments").glob("*")])
+    assert "/work/" not in text
+    assert "/home/" not in text
