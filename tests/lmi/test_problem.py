@@ -7,7 +7,7 @@ import pytest
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput
 from luenberger.lmi import Block, Problem, solve
-from luenberger.lmi.problem import _installed
+from luenberger.lmi.problem import installed_solvers
 
 A = np.array([[0.0, 1.0], [-2.0, -3.0]])
 
@@ -19,7 +19,7 @@ def lyapunov(margin: float = 0.0) -> tuple[Problem, cp.Variable]:
     return Problem({"P": P}, blocks, cp.trace(P)), P
 
 
-@pytest.mark.parametrize("solver", _installed(None))
+@pytest.mark.parametrize("solver", installed_solvers(None))
 def test_every_solver_finds_the_lyapunov_solution(solver: str) -> None:
     problem, _ = lyapunov()
     found = solve(problem, solvers=(solver,), tolerance=1e-4)

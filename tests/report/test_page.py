@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import robot
 
+from catalogue import robot
 from luenberger.core import BadInput
 from luenberger.design import Design
 from luenberger.methods import StructuredLipschitz
@@ -33,7 +33,14 @@ def html(design: Design) -> str:
     )
     scores = Table(["entrant", "RMSE [deg]"], [["ours", 0.573], ["theirs", 2.865]], ["A note."], "Scores")
     page = Page(
-        "A <title>", "Ours wins.", ["Nobody moved."], {"ours": design}, scores, figures, citations([design]), {"log": "x.csv"}
+        "A <title>",
+        "Ours wins.",
+        ["Nobody moved."],
+        {"ours": design},
+        scores,
+        figures,
+        citations([design]),
+        {"log": "x.csv"},
     )
     return page.as_html()
 

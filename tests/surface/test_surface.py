@@ -32,9 +32,11 @@ def _undocumented(path: Path) -> list[str]:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             text = ast.get_docstring(node) or ""
             found += [] if text else [node.name]
-            members = [node] if isinstance(node, ast.FunctionDef) else [
-                m for m in node.body if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")
-            ]
+            members = (
+                [node]
+                if isinstance(node, ast.FunctionDef)
+                else [m for m in node.body if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")]
+            )
             for member in members:
                 own = ast.get_docstring(member) or ""
                 if isinstance(node, ast.ClassDef) and any(ast.unparse(b).startswith("Protocol") for b in node.bases):
@@ -43,7 +45,9 @@ def _undocumented(path: Path) -> list[str]:
                 if "see `" in own.lower() or "arguments as" in own or isinstance(node, ast.ClassDef):
                     continue
                 arguments = [*member.args.posonlyargs, *member.args.args, *member.args.kwonlyargs]
-                found += [f"{member.name}({a.arg})" for a in arguments if a.arg not in own and a.arg not in ("self", "cls")]
+                found += [
+                    f"{member.name}({a.arg})" for a in arguments if a.arg not in own and a.arg not in ("self", "cls")
+                ]
     return found
 
 

@@ -1,5 +1,6 @@
 """Inequalities as data, relaxations over a box, solving, and reasons when nothing is found."""
 
+from luenberger.lmi.cross_check import CrossCheck, cross_check
 from luenberger.lmi.problem import SOLVERS, Block, Problem, Solution, solve
 from luenberger.lmi.recipe import centre, charged_block, infeasible, nearest_level
 from luenberger.lmi.relaxation import Bernstein, Grid, Relaxation, Vertices
@@ -9,6 +10,7 @@ __all__ = [
     "SOLVERS",
     "Bernstein",
     "Block",
+    "CrossCheck",
     "Grid",
     "Problem",
     "Relaxation",
@@ -16,6 +18,7 @@ __all__ = [
     "Vertices",
     "centre",
     "charged_block",
+    "cross_check",
     "decay_storage",
     "infeasible",
     "l2_storage",

@@ -127,7 +127,7 @@ def solve(
     objective = cp.Minimize(0 if problem.objective is None else problem.objective)
     posed = cp.Problem(objective, [*(c for group in cones.values() for c in group), *extra])
     own = 0.0
-    for name in _installed(solvers):
+    for name in installed_solvers(solvers):
         own += _run(posed, name)
         if any(v.value is None for v in unknowns) or (slack is not None and slack.value is None):
             continue
@@ -216,7 +216,15 @@ def _charges(cones: Mapping[str, list[Any]]) -> dict[str, float]:
     return {name: value / total for name, value in traces.items()}
 
 
-def _installed(wanted: Sequence[str] | None) -> list[str]:
+def installed_solvers(wanted: Sequence[str] | None = None) -> list[str]:
+    """Return the solvers to try, in order.
+
+    Args:
+        wanted: names; None for every installed one of `SOLVERS`.
+
+    Raises:
+        BadInput: an unknown or absent solver is named.
+    """
     have = cp.installed_solvers()
     if wanted is None:
         return [s for s in SOLVERS if s in have]
