@@ -18,9 +18,9 @@ def lyapunov(sign: float) -> Problem:
 
 
 def test_interior_point_solvers_agree() -> None:
-    found = cross_check(lyapunov(1.0), ("CLARABEL", "CVXOPT", "SDPA"))
-    assert set(found.accepted) == {"CLARABEL", "CVXOPT", "SDPA"}
-    # Three interior-point codes, each asked for 1e-9 or better; trace P = 1.5 by hand.
+    found = cross_check(lyapunov(1.0), ("CLARABEL", "CVXOPT"))
+    assert set(found.accepted) == {"CLARABEL", "CVXOPT"}
+    # Two interior-point codes, each asked for 1e-9 or better; trace P = 1.5 by hand.
     assert found.spread < 1e-6
     assert abs(found.accepted["CLARABEL"].objective - 1.5) < 1e-6
 
