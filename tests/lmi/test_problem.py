@@ -54,3 +54,17 @@ def test_residual_is_recomputed_from_the_values() -> None:
 def test_unknown_solver_is_refused() -> None:
     with pytest.raises(BadInput, match="MOSEK2"):
         solve(lyapunov()[0], solvers=("MOSEK2",))
+
+
+def test_a_solver_that_lies_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, P = lyapunov()
+
+    def liar(posed: cp.Problem, solver: str) -> float:
+        P.value = -np.eye(2)  # "optimal", and neither positive nor decreasing
+        return 0.0
+
+    monkeypatch.setattr("luenberger.lmi.problem._run", liar)
+    assert solve(problem) is None
+    taken = solve(problem, tolerance=np.inf)
+    assert taken is not None
+    assert not taken.holds

@@ -11,6 +11,8 @@ from luenberger.core.checks import nearest
 from luenberger.experiment.published import SOURCES, Row
 from luenberger.report.tables import Table
 
+_COLOURS = {"reproduced": "green", "corrected": "yellow", "not reproducible": "red"}
+
 
 def command(
     source: Annotated[str, typer.Argument(help="Paper, e.g. song-hedrick; left out: list them.")] = "",
@@ -41,6 +43,11 @@ def command(
         listed = [{k: getattr(row, k) for k in keys} | {"verdict": row.verdict.value} for row in rows]
         print_json({"source": source, "rows": listed, "counts": dict(counts)})
         return
-    cells = [[r.item, r.equation, r.printed, r.ours, r.verdict.value, r.reason] for r in rows]
-    out.print(Table(["item", "where", "printed", "ours", "verdict", "reason"], cells, [], source).as_rich())
+    cells = [
+        [str(k), f"{r.item}, {r.equation}", r.printed, r.ours, r.verdict.value] for k, r in enumerate(rows, start=1)
+    ]
+    out.print(Table(["", "item", "printed", "ours", "verdict"], cells, [], source).as_rich(_COLOURS))
+    # Reasons are sentences; in a column of a terminal nobody could read them.
+    for k, row in enumerate(rows, start=1):
+        out.print(f"{k:3d}  {row.reason}", highlight=False, markup=False)
     out.print(", ".join(f"{n} {word}" for word, n in counts.items()))
