@@ -85,7 +85,13 @@ class Table:
         )
         for name, right in zip(self.columns, self.numeric(), strict=True):
             # Numbers cut in two lines cannot be read; sentences may be folded.
-            table.add_column(escape(name), justify="right" if right else "left", no_wrap=right, overflow="fold")
+            table.add_column(
+                escape(name),
+                justify="right" if right else "left",
+                no_wrap=right,
+                overflow="fold",
+                min_width=None if right else 10,
+            )
         for row in self.texts():
             table.add_row(*(f"[{marks[c]}]{escape(c)}[/]" if c in marks else escape(c) for c in row))
         return table
