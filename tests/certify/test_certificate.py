@@ -48,6 +48,11 @@ def test_storage_of_the_wrong_size_is_refuted() -> None:
     assert prove(PLANT, ZERO, Claim("decay", 0.0, np.eye(3))).outcome is Outcome.REFUTED
 
 
+def test_weight_of_the_wrong_size_is_refuted() -> None:
+    claim = Claim("l2_gain", 10.0, np.eye(2), weight=np.eye(3), inputs="disturbance")
+    assert prove(PLANT, ZERO, claim).outcome is Outcome.REFUTED
+
+
 def test_l2_gain_against_the_known_norm() -> None:
     # 1/(s+1) has norm one; the storage (e^2) of the scalar bounded-real lemma is exact there.
     plant = System.linear([[-1.0]], C=[[1.0]], E=[[1.0]])

@@ -164,6 +164,11 @@ def prove(system: System, gain: Polynomial, claim: Claim) -> Proof:
                 0,
                 f"The storage has {P.shape[0]} rows; the plant has {system.nx} states.",
             )
+        if claim.weight is not None and np.asarray(claim.weight).shape[1] != system.nx:
+            shape = np.asarray(claim.weight).shape
+            return Proof(
+                claim, Outcome.REFUTED, 0.0, {}, 0, f"The weight has shape {shape}; it needs {system.nx} columns."
+            )
         if positive_definite(P) is not Outcome.PROVED:
             return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, "The storage matrix is not positive definite.")
     if system.dt is not None and claim.kind == "decay" and claim.level >= 1:
