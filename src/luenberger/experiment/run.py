@@ -190,7 +190,6 @@ def _table(
     for name, entrant in sorted(entrants.items(), key=lambda pair: errors[pair[0]]):
         error = np.rad2deg((sideslip[name] - log["sideslip"].values)[kept])
         proved = "" if entrant.design is None else entrant.design.certificate.outcome.value
-        tuned = ", ".join(f"{k} {v:.4g}" for k, v in knobs[name].knobs.items()) if name in knobs else ""
         before = [] if not knobs else [float(np.rad2deg(knobs[name].cost))]
         rows.append(
             [
@@ -201,11 +200,9 @@ def _table(
                 float(error.mean()),
                 1e6 * seconds[name],
                 proved,
-                *([tuned] if knobs else []),
             ]
         )
     first = ["tuning [deg]"] if knobs else []
-    last = ["tuned to"] if knobs else []
     columns = [
         "entrant",
         *first,
@@ -214,7 +211,6 @@ def _table(
         "bias [deg]",
         "step [us]",
         "certificate",
-        *last,
     ]
     notes = [
         "RMSE, largest error and mean error (bias) of the sideslip over the scored samples; computing time of one step."
@@ -223,6 +219,9 @@ def _table(
     if knobs:
         counts = ", ".join(f"{name} {len(t.knobs)} knobs {t.evaluations} replays" for name, t in knobs.items())
         notes.append(f"Tuned on the first {spec.fit_share:.0%} of the log alone, scored on the rest. Effort: {counts}.")
+        for name, tuned in knobs.items():
+            if tuned.knobs:
+                notes.append(f"{name} was tuned to {', '.join(f'{k} {v:.4g}' for k, v in tuned.knobs.items())}.")
     return Table(columns, rows, notes, "Sideslip")
 
 
@@ -313,6 +312,16 @@ def _broken(design: Design, log: Trajectory) -> list[str]:
     for name, (lower, upper) in design.system.scheduling_box.items():
         inside &= (log[name].values >= lower) & (log[name].values <= upper)
     box = ", ".join(design.system.scheduling_box)
-    return [
+    lines = [
         f"The log lay inside the trusted box of {box} for {inside.mean():.1%} of the samples; scheduling was clipped to it outside."
     ]
+    f = design.system.nonlinearity
+    known = [(k, name) for k, name in enumerate(design.system.states) if name in log]
+    if f is not None and f.domain is not None and known:
+        truth = log.table([name for _, name in known])
+        lower, upper = (np.array([end[k] for k, _ in known]) for end in f.domain)
+        share = ((truth >= lower) & (truth <= upper)).all(axis=1).mean()
+        lines.append(
+            f"The true state lay inside the box where the bound on the nonlinearity holds for {share:.1%} of the samples."
+        )
+    return lines

@@ -101,7 +101,8 @@ def _prose(sentence: str) -> Markup:
 
 def _plot(place: str, figure: Figure) -> dict[str, Any]:
     # What cannot be zoomed needs no buttons.
-    config = {"displayModeBar": False} if figure.plot.layout.dragmode is False else {}
+    layout: Any = figure.plot.layout
+    config = {"displayModeBar": False} if layout.dragmode is False else {}
     return {"place": place, "config": config, **json.loads(str(figure.plot.to_json()))}
 
 
