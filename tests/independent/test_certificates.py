@@ -1,0 +1,89 @@
+"""Every proved claim of the catalogue, looked at again with plain matrices on random points; no code of the proofs is used."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from catalogue import ROWS, Row
+from luenberger.certify import Claim
+from luenberger.design import Design
+from luenberger.synthesize import synthesize
+
+
+@cache
+def designed(row: Row) -> Design:
+    return synthesize(row.system(), row.method)
+
+
+def claim_of(design: Design, kind: str) -> Claim | None:
+    return next((c for c in design.certificate.claims if c.kind == kind), None)
+
+
+def random_loops(design: Design, count: int) -> list[np.ndarray]:
+    """A - L C + F J H at random scheduling and random Jacobians (a ball of them where only a Lipschitz constant is known)."""
+    generator, system = np.random.default_rng(5), design.system
+    loops = []
+    for _ in range(count):
+        # Vertices as often as interior points.
+        pick = generator.random() < 0.5
+        values = {
+            n: float(generator.choice(i) if pick else generator.uniform(*i)) for n, i in system.scheduling_box.items()
+        }
+        r = np.array([values[n] for n in system.scheduling_names])
+        A = np.asarray(system.at("A", r)) - np.asarray(design.gain(values)) @ np.asarray(system.at("C", r))
+        f = system.nonlinearity
+        if f is not None:
+            if f.jacobian_lower is not None and f.jacobian_upper is not None:
+                J = generator.uniform(f.jacobian_lower, f.jacobian_upper)
+            else:
+                J = generator.normal(size=(f.size, f.H.shape[0]))
+                J *= f.lipschitz_bound / np.linalg.norm(J, 2)
+            A = A + np.asarray(system.at("F", r)) @ J @ f.H
+        loops.append(A)
+    return loops
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_storage_decreases_at_random_points(row: Row) -> None:
+    design = designed(row)
+    claim = claim_of(design, "decay")
+    assert claim is not None
+    P = np.asarray(claim.storage)
+    assert np.linalg.eigvalsh(P)[0] > 0
+    for A in random_loops(design, 300):
+        drift = P @ A + A.T @ P + 2 * claim.level * P
+        assert np.linalg.eigvalsh(drift)[-1] < 0
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_frozen_loops_decay_at_least_as_fast(row: Row) -> None:
+    design = designed(row)
+    claim = claim_of(design, "decay")
+    assert claim is not None
+    for A in random_loops(design, 100):
+        assert np.linalg.eigvals(A).real.max() < -claim.level
+
+
+@pytest.mark.parametrize("row", [r for r in ROWS if r.system().nd], ids=lambda row: row.name)
+def test_frozen_gain_from_disturbance_is_below_the_claim(row: Row) -> None:
+    design = designed(row)
+    claim = claim_of(design, "l2_gain")
+    if claim is None:
+        return
+    E, W = np.asarray(design.system.at("E", np.zeros(design.system.nr))), np.asarray(claim.weight)
+    for A in random_loops(design, 20):
+        n = A.shape[0]
+        response = [
+            np.linalg.norm(W @ np.linalg.solve(1j * w * np.eye(n) - A, E), 2)
+            for w in np.concatenate([[0.0], np.logspace(-2, 3, 200)])
+        ]
+        assert max(response) <= claim.level
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_a_lyapunov_equation_agrees_that_the_loop_is_stable(row: Row) -> None:
+    for A in random_loops(designed(row), 5):
+        X = scipy.linalg.solve_continuous_lyapunov(A.T, -np.eye(A.shape[0]))
+        assert np.linalg.eigvalsh((X + X.T) / 2)[0] > 0
