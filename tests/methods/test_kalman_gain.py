@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from lipschitz_plants import pendulum
 
+from lipschitz_plants import pendulum
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted, NotCertified, Outcome
 from luenberger.methods.kalman_gain import KalmanGain

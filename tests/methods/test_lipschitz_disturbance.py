@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from lipschitz_plants import POINT_THREE, pendulum
 
+from lipschitz_plants import POINT_THREE, pendulum
 from luenberger.core import BadInput, Infeasible, NotAccepted, Outcome
 from luenberger.methods.lipschitz_disturbance import LipschitzDisturbance
 from luenberger.methods.lipschitz_gain import disturbance_gain, disturbance_solution

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from lipschitz_plants import POINT_THREE, integrator, pendulum
 
+from lipschitz_plants import POINT_THREE, integrator, pendulum
 from luenberger.core import BadInput
 from luenberger.methods.lipschitz_margin import (
     margin_at,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from lipschitz_plants import POINT_THREE, pendulum
 
+from lipschitz_plants import POINT_THREE, pendulum
 from luenberger.core import BadInput, Infeasible, Outcome
 from luenberger.methods.lipschitz_margin import storage_at
 from luenberger.methods.lipschitz_pareto import LipschitzPareto, slope_of_smallest
