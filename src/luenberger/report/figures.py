@@ -98,9 +98,13 @@ def estimate_figure(
         _line(plot, time, values - true, entrant, looks[entrant], 2, legend=False)
     plot.update_yaxes(title_text=f"{name} [{text}]" if text else name, row=1)
     plot.update_yaxes(title_text=f"error [{text}]" if text else "error", row=2)
+    reach, outside = _first_view({n: shown(e, unit)[0] - true for n, e in estimates.items()})
+    if outside:
+        plot.update_yaxes(range=[-reach, reach], row=2)
     plot.update_xaxes(title_text="time [s]", row=2)
     title = f"{name[:1].upper()}{name[1:]}"
-    return Figure("estimates", title, _dressed(plot, 620), caption, {n: s.colour for n, s in looks.items()})
+    words = _with_absent(caption, "the error panel", outside)
+    return Figure("estimates", title, _dressed(plot, 620), words, {n: s.colour for n, s in looks.items()})
 
 
 def error_bars(errors: Mapping[str, float], *, name: str, unit: str, caption: str = "") -> Figure:
@@ -133,24 +137,21 @@ def error_shares(
     looks = styles(tuple(errors))
     share = np.linspace(0.0, 1.0, points)
     plot = go.Figure()
-    text, largest = unit, 0.0
-    for entrant, values in errors.items():
-        sizes, text = shown(np.abs(values), unit)
-        sizes = sizes[np.isfinite(sizes)]
-        if sizes.size:
-            curve = np.quantile(sizes, share)
-            largest = max(largest, float(np.quantile(sizes, 0.99)))
-            _line(plot, curve, 100 * share, entrant, looks[entrant], None)
+    text = shown([], unit)[1]
+    sizes = {n: np.abs(shown(e, unit)[0][np.isfinite(e)]) for n, e in errors.items()}
+    for entrant, values in sizes.items():
+        if values.size:
+            _line(plot, np.quantile(values, share), 100 * share, entrant, looks[entrant], None)
+    reach, outside = _first_view(sizes)
     plot.update_xaxes(title_text=f"|error| of the {name} [{text}]" if text else f"|error| of the {name}")
-    if largest > 0:
-        plot.update_xaxes(range=[0, 1.02 * largest])
+    plot.update_xaxes(range=[0, reach])
     plot.update_yaxes(title_text="share of samples [%]", range=[0, 101])
     plot.update_layout(hovermode="closest")
     return Figure(
         "errors",
         "Share of samples within an error",
         _dressed(plot, 380),
-        caption,
+        _with_absent(caption, "this view", outside),
         {n: s.colour for n, s in looks.items()},
     )
 
@@ -197,6 +198,27 @@ def comparison_figures(
         error_shares(differences, name=name, unit=unit),
     ]
     return (*made, cost_bars(seconds)) if seconds else tuple(made)
+
+
+def _first_view(errors: Mapping[str, np.ndarray]) -> tuple[float, tuple[str, ...]]:
+    """Return how far an error axis reaches at first, and whose errors leave it.
+
+    One entrant that is several times worse than most (a trivial estimate, say) would press all others on the zero line.
+    """
+    finite = {n: np.abs(e[np.isfinite(e)]) for n, e in errors.items()}
+    finite = {n: e for n, e in finite.items() if e.size}
+    sizes = {n: float(np.sqrt(np.mean(np.square(e)))) for n, e in finite.items()}
+    usual = 3 * float(np.median(list(sizes.values()))) if sizes else 0.0
+    reach = 1.05 * max((float(e.max()) for n, e in finite.items() if sizes[n] <= usual), default=0.0)
+    outside = tuple(n for n, e in finite.items() if float(e.max()) > reach)
+    return (reach, outside) if reach > 0 else (1.0, ())
+
+
+def _with_absent(caption: str, where: str, outside: Sequence[str]) -> str:
+    if not outside:
+        return caption
+    names = ", ".join(f"`{name}`" for name in outside)
+    return f"{caption} The errors of {names} leave {where}; a double click in it shows them.".strip()
 
 
 def _line(
@@ -260,11 +282,17 @@ def _dressed(plot: go.Figure, height: int) -> go.Figure:
         margin={"l": 64, "r": 16, "t": 30, "b": 48},
         hovermode="x unified",
         # The buttons lie above the plot, so the legend lies below: a fixed distance in pixels whatever the height.
-        legend={"orientation": "h", "x": 0, "y": -62 / (height - 100), "yanchor": "top", "font": {"size": 13}},
+        legend={"orientation": "h", "x": 0, "y": -70 / (height - 100), "yanchor": "top", "font": {"size": 13}},
         hoverlabel={"font": {"family": _FONT, "size": 12}},
     )
     plot.update_xaxes(
-        gridcolor=_GRID, zeroline=False, linecolor="#b6bbc2", ticks="outside", tickcolor="#b6bbc2", automargin=True
+        gridcolor=_GRID,
+        zeroline=False,
+        linecolor="#b6bbc2",
+        ticks="outside",
+        tickcolor="#b6bbc2",
+        automargin=True,
+        title_standoff=4,
     )
     plot.update_yaxes(gridcolor=_GRID, zeroline=True, zerolinecolor="#c9cdd2", zerolinewidth=1, automargin=True)
     return plot

@@ -17,9 +17,11 @@ from luenberger.design import Design
 from luenberger.report.figures import Figure, Kind
 from luenberger.report.tables import Table, gain_table
 
-# Drag zooms, a double click shows all again; without the logo and the buttons nobody needs offline.
+# Drag zooms, a double click shows all again; without the logo and the buttons nobody needs. The button that uploads a chart
+# to a web service is on by default and must not be: what stands on the page stays with its reader.
 _CONFIG = {
     "displaylogo": False,
+    "showSendToCloud": False,
     "displayModeBar": True,
     "responsive": True,
     "modeBarButtonsToRemove": ["lasso2d", "select2d", "autoScale2d"],
@@ -140,5 +142,14 @@ def _certified(name: str, design: Design, colour: str | None) -> dict[str, Any]:
 
 def _options_text(options: Mapping[str, Any]) -> str:
     """Return options as people read them: "decay_rate = 3, relaxation (parts = 1)"."""
-    parts = [f"{k} ({_options_text(v)})" if isinstance(v, Mapping) else f"{k} = {v}" for k, v in options.items()]
+    parts = [
+        f"{k} ({_options_text(v)})" if isinstance(v, Mapping) else f"{k} = {_option_text(v)}"
+        for k, v in options.items()
+    ]
     return ", ".join(parts)
+
+
+def _option_text(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_option_text(v) for v in value)}]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 TRUTH = "#1a1a1a"
-# Okabe and Ito's colours, told apart with every common colour vision, without black (truth) and yellow (too pale on white).
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c6d46")
+# Okabe and Ito's colours, told apart with every common colour vision, without black (truth) and yellow (too pale on white);
+# then the darkest of Paul Tol's muted ones, which differ from those in lightness too.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#332288", "#999933", "#882255", "#8a8a8a")
 DASHES = ("solid", "dash", "dot", "dashdot")
 
 

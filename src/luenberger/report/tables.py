@@ -172,7 +172,7 @@ def gain_table(gain: Polynomial, system: System) -> Table:
 
 
 def entry_text(gain: Polynomial, row: int, column: int) -> str:
-    """Return one entry of a matrix polynomial as text, e.g. "1.25 − 0.3 speed + 2 speed²".
+    """Return one entry of a matrix polynomial as text, e.g. "1.25 − 0.3·speed + 2·speed²".
 
     Args:
         gain: matrix polynomial with float coefficients.
@@ -185,7 +185,7 @@ def entry_text(gain: Polynomial, row: int, column: int) -> str:
         if value == 0.0:
             continue
         powers = [_power(n, e) for n, e in zip(gain.names, exponents, strict=True) if e]
-        size = " ".join([f"{abs(value):.6g}", *powers])
+        size = "·".join([f"{abs(value):.6g}", *powers])
         sign = ("−" if value < 0 else "") if not text else (" − " if value < 0 else " + ")
         text += sign + size
     return text or "0"
