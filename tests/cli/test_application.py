@@ -1,12 +1,14 @@
 """The command line as a user meets it: help with examples, JSON that parses, errors as one panel, exit codes."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import luenberger
-from luenberger.cli import main
+from luenberger.cli import app, main
 from luenberger.cli.application import COMMANDS
 from luenberger.design import Design
 from luenberger.methods import PolytopicLuenberger
@@ -20,6 +22,11 @@ def run(*words: str) -> int:
     with pytest.raises(SystemExit) as stopped:
         main(list(words))
     return int(stopped.value.code or 0)
+
+
+def panel(capsys: pytest.CaptureFixture[str]) -> str:
+    """What standard error says, without frame and line ends."""
+    return " ".join(capsys.readouterr().err.replace("│", " ").split())
 
 
 @pytest.fixture
@@ -47,14 +54,27 @@ def test_list_is_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert "KalmanFilter" in data["observer"]
     assert data["references"]["StructuredLipschitz"]
     assert run("list") == 0
-    assert "carmaker_car" in capsys.readouterr().out
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "carmaker_car" in shown
+    assert all(reference in shown for reference in data["references"]["StructuredLipschitz"])
 
 
 def test_certify_proves_again(design: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("certify", str(design)) == 0
     assert "proved" in capsys.readouterr().out
     assert run("certify", str(design), "--json") == 0
-    assert json.loads(capsys.readouterr().out)["outcome"] == "proved"
+    data = json.loads(capsys.readouterr().out)
+    assert data["outcome"] == "proved"
+    assert all(proof["seconds"] >= 0 for proof in data["proofs"])
+    assert len(data["proofs"]) == len(Design.load(design).certificate.proofs)
+
+
+def test_certify_believes_no_file_without_claims(design: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = json.loads(design.read_text())
+    data["certificate"]["proofs"] = []
+    design.write_text(json.dumps(data))
+    assert run("certify", str(design)) == 1
+    assert "claims nothing" in capsys.readouterr().out
 
 
 def test_certify_refuses_what_was_altered(design: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,6 +85,8 @@ def test_certify_refuses_what_was_altered(design: Path, capsys: pytest.CaptureFi
     assert all(p.outcome.value == "proved" for p in Design.load(design).certificate.proofs)
     assert run("certify", str(design)) == 1
     assert "refuted" in capsys.readouterr().out
+    assert run("certify", str(design), "--json") == 1
+    assert json.loads(capsys.readouterr().out)["outcome"] == "refuted"
 
 
 @pytest.mark.parametrize(
@@ -73,6 +95,8 @@ def test_certify_refuses_what_was_altered(design: Path, capsys: pytest.CaptureFi
         (("certify", "nowhere.json"), "cannot be read"),
         (("run", "nowhere.toml"), "cannot be read"),
         (("reproduce", "song-hendrick"), "Did you mean `song-hedrick`?"),
+        (("certfy",), "Did you mean `certify`?"),
+        (("run", "nowhere.toml", "--json"), "cannot be read"),
     ],
 )
 def test_errors_are_one_panel(words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -83,12 +107,45 @@ def test_errors_are_one_panel(words: tuple[str, ...], message: str, capsys: pyte
     assert "Traceback" not in shown.err
 
 
-def test_unknown_command(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("certfy") == 2
-    assert "certfy" in capsys.readouterr().err
+def test_typer_runs_the_application_as_the_shell_does(design: Path) -> None:
+    runner = CliRunner()
+    assert runner.invoke(app, ["certify", str(design)]).exit_code == 0
+    bad = runner.invoke(app, ["certify", "nowhere.json"])
+    assert bad.exit_code == 2
+    assert "cannot be read" in " ".join(bad.output.split())
+
+
+def test_a_file_that_is_no_design_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "x.json").write_text('{"format": "something else"}')
+    assert run("certify", str(tmp_path / "x.json")) == 2
+    assert "no design file" in panel(capsys)
+
+
+def test_page_of_commands_says_what_each_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert all(f"{name} {sentence}" in shown for name, (_, sentence) in COMMANDS.items())
+
+
+def test_a_package_that_lacks_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.delitem(sys.modules, "luenberger.cli.run", raising=False)
+    monkeypatch.setitem(sys.modules, "luenberger.experiment", None)
+    with pytest.raises(ModuleNotFoundError):
+        # One of our own files that lacks is a fault of ours, not a package to install.
+        main(["run", "x.toml"])
+    monkeypatch.undo()
+
+    def lacking(name: str) -> None:
+        raise ModuleNotFoundError("No module named 'cvxpy'", name="cvxpy.atoms")
+
+    monkeypatch.setattr("importlib.import_module", lacking)
+    assert run("run", "x.toml") == 2
+    assert "pip install cvxpy" in panel(capsys)
 
 
 def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(luenberger.core.BadInput):
+        main(["--debug", "certify", "nowhere.json"])
     monkeypatch.setenv("LUENBERGER_DEBUG", "1")
     with pytest.raises(luenberger.core.BadInput):
         main(["certify", "nowhere.json"])

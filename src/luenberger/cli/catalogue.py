@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from luenberger import observers
-from luenberger.cli.output import out, print_json
+from luenberger.cli.output import out, print_json, sentence
 from luenberger.experiment.entrants import KINDS
 from luenberger.experiment.published import SOURCES
 from luenberger.experiment.specification import DATA
@@ -37,6 +37,9 @@ def command(
         return
     rows = [[group, name, text] for group, members in groups.items() for name, text in members.items()]
     out.print(Table(["what", "name", "is"], rows, [], "luenberger").as_rich())
+    for name, method in METHODS.items():
+        for reference in method.references:
+            sentence(f"{name}: {reference}")
 
 
 def _first(thing: object) -> str:

@@ -24,6 +24,15 @@ def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
         yield lambda text, share: bar.update(task, description=text, completed=share)
 
 
+def sentence(text: str) -> None:
+    """Print a sentence as it stands: brackets in it are no markup and numbers get no colour.
+
+    Args:
+        text: what to print.
+    """
+    out.print(text, markup=False, highlight=False)
+
+
 def print_json(data: Any) -> None:
     """Print data as JSON, nothing else.
 

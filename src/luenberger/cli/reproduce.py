@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from luenberger.cli.output import out, print_json, progress_bar
+from luenberger.cli.output import out, print_json, progress_bar, sentence
 from luenberger.core import BadInput
 from luenberger.core.checks import nearest
 from luenberger.experiment.published import SOURCES, Row
@@ -49,5 +49,5 @@ def command(
     out.print(Table(["", "item", "printed", "ours", "verdict"], cells, [], source).as_rich(_COLOURS))
     # Reasons are sentences; in a column of a terminal nobody could read them.
     for k, row in enumerate(rows, start=1):
-        out.print(f"{k:3d}  {row.reason}", highlight=False, markup=False)
-    out.print(", ".join(f"{n} {word}" for word, n in counts.items()))
+        sentence(f"{k:3d}  {row.reason}")
+    sentence(", ".join(f"{n} {word}" for word, n in counts.items()))

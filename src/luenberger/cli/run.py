@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from luenberger.cli.output import out, print_json, progress_bar
+from luenberger.cli.output import out, print_json, progress_bar, sentence
 from luenberger.experiment import run_experiment
 
 
@@ -25,5 +25,6 @@ def command(
         print_json(result.as_json())
         return
     out.print(result.table.as_rich())
-    out.print(result.summary)
-    out.print(f"Page: {result.page}", soft_wrap=True)
+    sentence(result.summary)
+    # A path broken in two lines can be neither clicked nor copied.
+    out.print(f"Page: {result.page}", soft_wrap=True, markup=False, highlight=False)

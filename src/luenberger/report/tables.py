@@ -138,22 +138,22 @@ def column_texts(cells: Sequence[Any]) -> list[str]:
 
 
 def certificate_table(certificate: Certificate, *, discrete: bool = False, seconds: Sequence[float] = ()) -> Table:
-    """Return what is certified: one row a claim with level, outcome and margin.
+    """Return what is certified: one row a claim with level, outcome and margin; statements and reasons are its notes.
 
     Args:
         certificate: claims with proofs.
         discrete: the plant has a sample time, so decay is a factor a step.
         seconds: time each proof took [s]; a column is left out where nothing is given.
     """
-    columns = ["claim", "level", "outcome", "margin", *(["time [s]"] if seconds else []), "statement", "reason"]
-    rows = []
+    columns = ["claim", "level", "outcome", "margin", *(["time [ms]"] if seconds else [])]
+    rows, notes = [], []
     for k, proof in enumerate(certificate.proofs):
-        time = [seconds[k]] if seconds else []
+        time = [1e3 * seconds[k]] if seconds else []
         level = f"{proof.claim.level:.6g}"
         margin = f"{proof.margin:.2g}" if proof.margin else None
-        statement = proof.claim.sentence(discrete)
-        rows.append([proof.claim.kind, level, proof.outcome.value, margin, *time, statement, proof.reason])
-    return Table(columns, rows)
+        rows.append([proof.claim.kind, level, proof.outcome.value, margin, *time])
+        notes.append(f"{proof.claim.kind}: {proof.claim.sentence(discrete)} {proof.reason}")
+    return Table(columns, rows, notes)
 
 
 def gain_table(gain: Polynomial, system: System) -> Table:
