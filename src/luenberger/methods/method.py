@@ -10,7 +10,7 @@ import numpy as np
 from luenberger.algebra import Polynomial, symmetric
 from luenberger.certify import Claim
 from luenberger.core import NotAccepted
-from luenberger.lmi import Block, Solution
+from luenberger.lmi import Block, Problem, Solution, centre, infeasible, nearest_level
 from luenberger.systems import System
 from luenberger.systems.matrix import MatrixFunction
 
@@ -128,6 +128,24 @@ def gain_blocks(P: Any, Y: Polynomial, squared: Any, box: Mapping[str, tuple[flo
     nx, ny = Y.shape
     wide = symmetric([[Polynomial.constant(P), Y], [Polynomial.constant(squared * np.eye(ny))]])
     return [Block("storage", Polynomial.constant(np.eye(nx) - P)), Block("gain", -wide, box)]
+
+
+def smallest_gain(problem: Problem, again: Callable[[float], Problem], decay_rate: float) -> Solution:
+    """Return the centred solution of a problem that minimises the squared gain norm for a decay rate.
+
+    Args:
+        problem: what to solve, posed for `decay_rate`.
+        again: poses the problem for another decay rate [1/s].
+        decay_rate: the wanted rate [1/s].
+
+    Raises:
+        Infeasible: nothing was found; names the inequality in the way and the nearest rate.
+    """
+    found = centre(problem, floor=NEGLIGIBLE)
+    if found is None:
+        nearest = nearest_level(again, 0.0, decay_rate, floor=NEGLIGIBLE)
+        raise infeasible(problem, "decay_rate", decay_rate, "1/s", nearest)
+    return found
 
 
 def gain_bound(gain: Polynomial, box: Mapping[str, tuple[float, float]]) -> Claim:

@@ -8,15 +8,15 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
-from luenberger.lmi import Bernstein, Block, Problem, Relaxation, centre, infeasible, nearest_level, rounded_storage
+from luenberger.lmi import Bernstein, Block, Problem, Relaxation, rounded_storage
 from luenberger.methods.method import (
-    NEGLIGIBLE,
     Candidate,
     gain_blocks,
     gain_bound,
     require_continuous,
     require_polynomial,
     scheduled_variable,
+    smallest_gain,
     statistics,
 )
 from luenberger.systems import System
@@ -69,12 +69,7 @@ class PolytopicLuenberger:
     def design(self, system: System) -> Candidate:
         """Minimise the gain bound; see `Method`."""
         problem, Y = self._posed(system)
-        found = centre(problem, floor=NEGLIGIBLE)
-        if found is None:
-            nearest = nearest_level(
-                lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate, floor=NEGLIGIBLE
-            )
-            raise infeasible(problem, "decay_rate", self.decay_rate, "1/s", nearest)
+        found = smallest_gain(problem, lambda rate: replace(self, decay_rate=rate)._posed(system)[0], self.decay_rate)
         storage = rounded_storage(found.values["P"])
         gain = Y.map(lambda y: np.linalg.solve(found.values["P"], np.asarray(y.value)))
 

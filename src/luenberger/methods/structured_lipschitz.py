@@ -9,15 +9,15 @@ import numpy as np
 from luenberger.algebra import Polynomial, symmetric
 from luenberger.certify import Claim
 from luenberger.core import NotAccepted
-from luenberger.lmi import Block, Problem, centre, infeasible, l2_storage, nearest_level, rounded_storage
+from luenberger.lmi import Block, Problem, l2_storage, rounded_storage
 from luenberger.methods.method import (
-    NEGLIGIBLE,
     Candidate,
     gain_blocks,
     gain_bound,
     require_continuous,
     require_polynomial,
     scheduled_variable,
+    smallest_gain,
     statistics,
 )
 from luenberger.systems import System
@@ -71,12 +71,7 @@ class StructuredLipschitz:
     def design(self, system: System) -> Candidate:
         """Minimise the gain bound; see `Method`."""
         problem, Y = self._posed(system)
-        found = centre(problem, floor=NEGLIGIBLE)
-        if found is None:
-            nearest = nearest_level(
-                lambda a: replace(self, decay_rate=a)._posed(system)[0], 0.0, self.decay_rate, floor=NEGLIGIBLE
-            )
-            raise infeasible(problem, "decay_rate", self.decay_rate, "1/s", nearest)
+        found = smallest_gain(problem, lambda rate: replace(self, decay_rate=rate)._posed(system)[0], self.decay_rate)
         storage = rounded_storage(found.values["P"])
         gain = Y.map(lambda y: np.linalg.solve(found.values["P"], np.asarray(y.value)))
         multiplier = float(found.values["s"])
