@@ -41,7 +41,8 @@ def synthesize(system: System, method: Method, *, digits: int = 7, require: bool
     method.accept(system)
     candidate = method.design(system)
     gain = candidate.gain.map(lambda c: _rounded(c, digits))
-    certificate = _certified(system, gain, candidate.claims(gain))
+    model = None if candidate.model is None else _rounded_model(candidate.model, digits)
+    certificate = _certified(system, gain, candidate.claims(gain), model)
     if require and certificate.outcome is not Outcome.PROVED:
         worst = next(p for p in certificate.proofs if p.outcome is not Outcome.PROVED)
         raise NotCertified(
@@ -50,21 +51,28 @@ def synthesize(system: System, method: Method, *, digits: int = 7, require: bool
         )
     total = time.perf_counter() - start
     statistics = {**candidate.statistics, "certificate_seconds": certificate.seconds, "seconds": total}
-    return Design(system, gain, certificate, type(method).__name__, _options(method), method.references, statistics)
+    return Design(
+        system, gain, certificate, type(method).__name__, _options(method), method.references, statistics, model
+    )
 
 
-def _certified(system: System, gain: Polynomial, claims: Sequence[Claim]) -> Certificate:
+def _certified(system: System, gain: Polynomial, claims: Sequence[Claim], model: System | None = None) -> Certificate:
     """Prove the claims; where a decay witness broke under rounding, look once for a better witness of the same claim."""
-    certificate = certify_claims(system, gain, claims)
+    certificate = certify_claims(system, gain, claims, model)
     if certificate.outcome is Outcome.PROVED:
         return certificate
     mended: list[Claim] = []
     for proof in certificate.proofs:
         found = None
-        if proof.claim.kind == "decay" and proof.outcome is not Outcome.PROVED:
+        if proof.claim.kind == "decay" and proof.outcome is not Outcome.PROVED and model is None:
             found = decay_storage(system, gain, proof.claim.level)
         mended.append(proof.claim if found is None else replace(proof.claim, storage=found[0], multiplier=found[1]))
-    return certify_claims(system, gain, mended)
+    return certify_claims(system, gain, mended, model)
+
+
+def _rounded_model(model: System, digits: int) -> System:
+    """What an unstructured observer copies is part of its gains, and is rounded with them."""
+    return model.replace(**{k: model.polynomial(k).map(lambda c: _rounded(c, digits)) for k in "AB"})
 
 
 def _rounded(coefficient: np.ndarray, digits: int) -> np.ndarray:

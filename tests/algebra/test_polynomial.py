@@ -302,3 +302,22 @@ def test_a_parameter_of_degree_zero_needs_no_interval() -> None:
 def test_every_index_of_the_wanted_degree_appears() -> None:
     p = Polynomial(NAMES, {(1, 2): np.eye(1)})
     assert set(p.bernstein(BOX, 1)) == set(product(range(3), range(4)))
+
+
+def test_compose_is_evaluation_of_evaluations() -> None:
+    generator = np.random.default_rng(5)
+    outer = Polynomial(("a", "b"), {e: generator.normal(size=(2, 2)) for e in [(0, 0), (2, 1), (1, 0), (0, 3)]})
+    inner = Polynomial(("p", "b"), {(1, 0): np.array([[2.0]]), (1, 1): np.array([[-0.5]])})
+    composed = outer.compose({"a": inner})
+    assert set(composed.names) == {"b", "p"}
+    point = {"p": 0.7, "b": -1.3}
+    np.testing.assert_allclose(
+        composed(point), outer({"a": inner(point)[0, 0], "b": point["b"]}), rtol=1e-13, atol=1e-13
+    )
+
+
+def test_compose_may_keep_a_name() -> None:
+    # a -> a f: the name survives inside its own replacement.
+    scaled = Polynomial(("a", "f"), {(1, 1): np.ones((1, 1))})
+    composed = Polynomial(("a",), {(2,): np.eye(1), (0,): np.eye(1)}).compose({"a": scaled})
+    assert float(composed({"a": 3.0, "f": 0.5})[0, 0]) == 1.0 + 1.5**2

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim, certify_claims, prove
@@ -153,3 +154,51 @@ def test_assumptions_name_every_bound() -> None:
     text = " ".join(certify_claims(PLANT, ZERO, []).assumptions)
     assert "r is measured exactly and stays in [-1, 1]" in text
     assert certify_claims(PLANT, ZERO, []).outcome is Outcome.UNDECIDED
+
+
+def test_h2_level_against_the_grammian() -> None:
+    plant = System.linear([[0.0, 1.0], [-2.0, -3.0]], C=[[1.0, 0.0]], E=[[0.0], [1.0]])
+    gain, W = Polynomial.constant(np.zeros((2, 1))), np.array([[1.0, 0.5]])
+    A, B = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.0], [1.0]])
+    norm = float(np.sqrt((W @ solve_continuous_lyapunov(A, -B @ B.T) @ W.T)[0, 0]))
+    # P = level inv(X) and Z = W X W' / level are exact at the norm; a slightly larger X makes the inequality strict.
+    X = solve_continuous_lyapunov(A, -B @ B.T - 1e-6 * np.eye(2))
+    for level, outcome in ((norm * (1 + 1e-4), Outcome.PROVED), (norm * (1 - 1e-4), Outcome.REFUTED)):
+        P = level * np.linalg.inv(X)
+        Z = W @ np.linalg.inv(P) @ W.T * (1 + 1e-9)
+        claim = Claim("h2_gain", level, (P + P.T) / 2, weight=W, inputs="disturbance", trace=Z)
+        assert prove(plant, gain, claim).outcome is outcome
+
+
+def test_storage_that_moves_with_the_scheduling() -> None:
+    # e' = -(1 + r) e with P = 1 + r: V' = (r' - 2 (1 + r)^2) e^2; at r = 0 it falls where r' < 2.
+    law = Polynomial.affine(np.array([[-1.0]]), r=np.array([[-1.0]]))
+    P = Polynomial.affine(np.eye(1), r=np.eye(1))
+    for rate, outcome in ((1.9, Outcome.PROVED), (2.1, Outcome.REFUTED)):
+        plant = System.lpv(law, C=[[1.0]], parameters=[Parameter("r", 0.0, 1.0, rate=rate)])
+        proof = prove(plant, Polynomial.constant([[0.0]]), Claim("decay", 0.0, P))
+        assert proof.outcome is outcome
+    assert (
+        "changes by at most"
+        in certify_claims(plant, Polynomial.constant([[0.0]]), [Claim("decay", 0.0, P)]).assumptions[1]
+    )
+
+
+def test_storage_that_moves_is_saved() -> None:
+    claim = Claim("decay", 0.5, Polynomial.affine(np.eye(2), r=0.25 * np.eye(2)))
+    again = Claim.from_text(claim.as_text())
+    assert isinstance(again.storage, Polynomial)
+    np.testing.assert_array_equal(again.storage({"r": 2.0}), 1.5 * np.eye(2))
+
+
+def test_scheduling_error_is_part_of_the_claim() -> None:
+    # e' = -e + (r - m) u with m = f r: |r - m| <= 0.1 * 2 makes the gain from u 0.2.
+    exact = System.lpv(
+        [[-1.0]], Polynomial.affine(np.zeros((1, 1)), r=np.eye(1)), parameters=[Parameter("r", 0.0, 2.0)]
+    )
+    erring = exact.replace(parameters=[Parameter("r", 0.0, 2.0, factor=(0.9, 1.1))])
+    for level, outcome in ((0.21, Outcome.PROVED), (0.19, Outcome.REFUTED)):
+        claim = Claim("l2_gain", level, np.eye(1), weight=np.eye(1), inputs="scheduling")
+        assert prove(erring, Polynomial.constant([[0.0]]), claim).outcome is outcome
+    with pytest.raises(BadInput, match="has no input"):
+        prove(exact, Polynomial.constant([[0.0]]), claim)

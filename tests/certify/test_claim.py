@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from luenberger.certify import Claim
-from luenberger.certify.claim import from_text, to_text
+from luenberger.certify.rational_text import from_text, to_text
 from luenberger.core import BadInput
 
 

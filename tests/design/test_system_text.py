@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from catalogue import robot, saturating_car, scheduled_oscillator, slip_angle_car
+from luenberger.certify.rational_text import polynomial_as_text, polynomial_from_text
 from luenberger.core import BadInput
-from luenberger.design.system_text import polynomial_as_text, polynomial_from_text, system_as_text, system_from_text
+from luenberger.design.system_text import system_as_text, system_from_text
 from luenberger.systems import System
 
 

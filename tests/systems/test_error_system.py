@@ -1,5 +1,7 @@
 """The error system and its dissipation inequality, against plain matrices written out here."""
 
+from typing import Literal
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from catalogue import robot, saturating_car, scheduled_oscillator
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted
 from luenberger.systems import Nonlinearity, Parameter, System
-from luenberger.systems.error_system import ErrorSystem, error_box, jacobian
+from luenberger.systems.error_system import ErrorSystem
+from luenberger.systems.jacobian_box import error_box, jacobian
+from luenberger.vehicle import slip_angle_plant, wang_car
 
 generator = np.random.default_rng(0)
 
@@ -93,3 +97,80 @@ def test_refusals() -> None:
     )
     with pytest.raises(NotAccepted, match="'q'"):
         ErrorSystem.of(hidden, Polynomial.constant([[0.0]]))
+
+
+def erring_car(output: Literal["slip_difference", "slip_constraint"]) -> System:
+    return slip_angle_plant(
+        wang_car,
+        (5.0, 40.0),
+        (-8.0, 8.0),
+        noise=(1e-3, 2e-2, 5e-3),
+        scale_error=((-0.1, 0.1), (-0.2, 0.2)),
+        output=output,
+    )
+
+
+@pytest.mark.parametrize("output", ["slip_difference", "slip_constraint"])
+@pytest.mark.parametrize("form", ["plant", "estimate"])
+def test_error_under_scheduling_error_is_the_difference_of_plant_and_copy(
+    output: Literal["slip_difference", "slip_constraint"], form: Literal["plant", "estimate"]
+) -> None:
+    plant = erring_car(output)
+    names = ("inverse_speed", "acceleration")
+    gain = Polynomial(names, {(0, 0): generator.normal(size=(2, 1)), (1, 1): generator.normal(size=(2, 1))})
+    error = ErrorSystem.of(plant, gain, form=form)
+    for _ in range(10):
+        p = {n: generator.uniform(*i) for n, i in error.box.items()}
+        true = np.array([p["inverse_speed"], p["acceleration"]])
+        read = true * np.array([p["inverse_speed_factor"], p["acceleration_factor"]])
+        x, xhat, u, v = (generator.normal(size=n) for n in (2, 2, 3, 3))
+        N, G = np.asarray(plant.at("N", true)), np.asarray(plant.at("G", read))
+        y = np.asarray(plant.output(0.0, x, u, true)) + G @ v
+        seen = u + N @ v
+        innovation = y - np.asarray(plant.output(0.0, xhat, seen, read))
+        copy = (
+            np.asarray(plant.dynamics(0.0, xhat, seen, read)) + gain(dict(zip(names, read, strict=True))) @ innovation
+        )
+        rate = np.asarray(plant.dynamics(0.0, x, u, true)) - copy
+        w = np.concatenate([x if form == "plant" else xhat, u])
+        at = {n: m({k: p[k] for k in m.names}) for n, m in [("A", error.A), *error.inputs.items()]}
+        found = at["A"] @ (x - xhat) + at["scheduling"] @ w + at["noise"] @ v
+        np.testing.assert_allclose(found, rate, rtol=1e-11, atol=1e-11)
+
+
+def test_a_model_of_its_own_drives_the_error() -> None:
+    plant = slip_angle_plant(wang_car, (5.0, 40.0), (-8.0, 8.0))
+    model = plant.replace(A=plant.polynomial("A") * 1.1)
+    gain = Polynomial.constant(generator.normal(size=(2, 1)))
+    error = ErrorSystem.of(plant, gain, model=model, form="estimate")
+    p = {n: generator.uniform(*i) for n, i in plant.scheduling_box.items()}
+    r, (x, xhat), u = np.array(list(p.values())), generator.normal(size=(2, 2)), generator.normal(size=3)
+    copy = np.asarray(model.dynamics(0.0, xhat, u, r)) + gain({}) @ (np.asarray(plant.at("C", r)) @ (x - xhat))
+    found = error.A(p) @ (x - xhat) + error.inputs["scheduling"](p) @ np.concatenate([xhat, u])
+    np.testing.assert_allclose(found, np.asarray(plant.dynamics(0.0, x, u, r)) - copy, rtol=1e-12, atol=1e-12)
+
+
+def test_moving_storage_adds_its_derivative() -> None:
+    plant = slip_angle_plant(wang_car, (5.0, 40.0), (-8.0, 8.0), jerk=10.0)
+    error = ErrorSystem.of(plant, Polynomial.constant(np.zeros((2, 1))))
+    P0, P1, P2 = spd(2), spd(2), spd(2)
+    P = Polynomial(("inverse_speed", "acceleration"), {(0, 0): P0, (1, 0): P1, (1, 1): P2})
+    s, a, jerk = 0.1, -3.0, 7.0
+    at = {"inverse_speed": s, "acceleration": a, "acceleration_rate": jerk}
+    A = error.A({"inverse_speed": s, "acceleration": a})
+    here = P0 + s * P1 + s * a * P2
+    # s' = -s^2 a and (s a)' = s jerk - s^2 a^2.
+    motion = -(s**2) * a * P1 + (s * jerk - s**2 * a**2) * P2
+    found = error.dissipation(P, rate=0.5)
+    np.testing.assert_allclose(
+        found({n: at[n] for n in found.names}), here @ A + A.T @ here + motion + here, rtol=1e-12, atol=1e-9
+    )
+
+
+def test_moving_storage_needs_a_rate() -> None:
+    plant = slip_angle_plant(wang_car, (5.0, 40.0), (-8.0, 8.0))
+    error = ErrorSystem.of(plant, Polynomial.constant(np.zeros((2, 1))))
+    with pytest.raises(NotAccepted, match="whose rate nobody bounds"):
+        error.dissipation(Polynomial(("acceleration",), {(0,): np.eye(2), (1,): np.eye(2)}))
+    with pytest.raises(BadInput, match="has no input"):
+        error.joined("scheduling")

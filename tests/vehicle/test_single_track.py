@@ -10,6 +10,7 @@ from luenberger.core import BadInput
 from luenberger.systems import System
 from luenberger.vehicle import (
     BrushTyre,
+    LinearTyre,
     MagicFormulaTyre,
     SingleTrack,
     VehicleParameters,
@@ -219,3 +220,46 @@ def test_understeer_gradient_is_that_of_steady_cornering() -> None:
 def test_what_makes_no_plant_is_refused(make: Any, message: str) -> None:
     with pytest.raises(BadInput, match=message):
         make()
+
+
+def test_constraint_output_is_zero_on_the_car_and_sees_a_wrong_speed() -> None:
+    plant = slip_angle_plant(wang_car, SPEED, ACCELERATION, output="slip_constraint")
+    vy, yaw_rate, vx, delta = 0.4, 0.3, 20.0, 0.05
+    x, u = slips(wang_car, vy, yaw_rate, vx, delta), np.array([delta, 0.0, yaw_rate])
+    np.testing.assert_allclose(plant.output(0.0, x, u, [1 / vx, 0.0]), [0.0], atol=1e-15)
+    wrong = float(plant.output(0.0, x, u, [1.1 / vx, 0.0])[0])
+    assert wrong == pytest.approx(0.1 / vx * wang_car.wheelbase * yaw_rate, rel=1e-12)
+
+
+def test_uncertain_stiffness_at_its_middle_is_the_plant_itself() -> None:
+    known = slip_angle_plant(wang_car, SPEED, ACCELERATION)
+    unsure = slip_angle_plant(wang_car, SPEED, ACCELERATION, stiffness=((70e3, 83e3), (46e3, 56e3)))
+    np.testing.assert_allclose(unsure.at("A", [0.1, 2.0]), known.at("A", [0.1, 2.0]), rtol=1e-13)
+    assert unsure.uncertainty == {"front_stiffness": 76500.0, "rear_stiffness": 51000.0}
+
+
+def test_force_offset_enters_as_the_axle_forces_do() -> None:
+    plant = slip_angle_plant(wang_car, SPEED, ACCELERATION, force_offset=30.0)
+    assert plant.disturbance_bound == (30.0, 30.0)
+    stiff = np.diag([wang_car.front_stiffness, wang_car.rear_stiffness])
+    at = [0.1, 0.0]
+    np.testing.assert_allclose(np.asarray(plant.at("E", at)) @ stiff, plant.at("A", at), rtol=1e-13)
+
+
+def test_scale_errors_become_factors() -> None:
+    plant = slip_angle_plant(wang_car, SPEED, ACCELERATION, scale_error=((-0.1, 0.1), (-0.2, 0.2)))
+    assert [p.factor for p in plant.parameters] == [(1 / 1.1, 1 / 0.9), (0.8, 1.2)]
+    with pytest.raises(BadInput, match="around zero"):
+        slip_angle_plant(wang_car, SPEED, ACCELERATION, scale_error=((0.1, 0.2), (0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"stiffness": ((1e4, 2e4), (1e4, 2e4)), "tyres": (LinearTyre(2e4), LinearTyre(2e4))},
+        {"disturbance": True, "force_offset": 1.0},
+    ],
+)
+def test_options_that_exclude_each_other(options: dict[str, Any]) -> None:
+    with pytest.raises(BadInput, match="give one of them"):
+        slip_angle_plant(wang_car, SPEED, ACCELERATION, **options)

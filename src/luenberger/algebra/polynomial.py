@@ -173,6 +173,25 @@ class Polynomial:
             terms[key] = terms[key] + coefficient if key in terms else coefficient
         return Polynomial([self.names[k] for k in kept], terms)
 
+    def compose(self, inner: Mapping[str, "Polynomial"]) -> "Polynomial":
+        """Return the polynomial with some parameters replaced by scalar polynomials of other parameters.
+
+        Args:
+            inner: parameter name -> polynomial of shape (1, 1), in an arithmetic that multiplies with this one.
+        """
+        total: Polynomial | None = None
+        for exponents, coefficient in self.terms.items():
+            left = [e if n not in inner else 0 for n, e in zip(self.names, exponents, strict=True)]
+            part = Polynomial(self.names, {tuple(left): coefficient})
+            for name, power in zip(self.names, exponents, strict=True):
+                for _ in range(power if name in inner else 0):
+                    part = part * inner[name]
+            total = part if total is None else total + part
+        assert total is not None
+        # Names that were replaced have no power left; substituting any number drops them.
+        degree = total.degree
+        return total.substitute({n: 0 for n in total.names if n in inner and not degree[n]})
+
     def partial(self, name: str) -> "Polynomial":
         """Return the partial derivative with respect to one parameter (the zero matrix where it is absent)."""
         k = self.names.index(name) if name in self.names else -1

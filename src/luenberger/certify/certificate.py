@@ -7,16 +7,14 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from luenberger.algebra import Polynomial, symmetric
-from luenberger.algebra.ball import Ball
-from luenberger.algebra.definiteness import exact, positive_definite
-from luenberger.algebra.jaxpr import BALL, Trace, trace
-from luenberger.certify.claim import Claim, from_text, to_text
-from luenberger.certify.continuum import Verdict, negative_definite
-from luenberger.core import NotAccepted, Outcome
-from luenberger.systems import System
-from luenberger.systems.error_system import ErrorSystem, error_box
-from luenberger.systems.matrix import MatrixFunction, PlantMatrix
+from luenberger.algebra import Polynomial
+from luenberger.certify.claim import ENCLOSURE_KINDS, Claim
+from luenberger.certify.continuum import Verdict
+from luenberger.certify.enclosure import enclosure_verdict
+from luenberger.certify.inequality import claim_verdict
+from luenberger.certify.rational_text import from_text, to_text
+from luenberger.core import Outcome
+from luenberger.systems import Parameter, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +116,11 @@ class Certifiable(Protocol):
         ...
 
     @property
+    def model(self) -> System | None:
+        """What the observer copies; None for the plant itself."""
+        ...
+
+    @property
     def certificate(self) -> Certificate:
         """The claims."""
         ...
@@ -132,10 +135,12 @@ def certify(design: Certifiable) -> Certificate:
     Returns:
         a fresh certificate; read `.outcome`.
     """
-    return certify_claims(design.system, design.gain, design.certificate.claims)
+    return certify_claims(design.system, design.gain, design.certificate.claims, design.model)
 
 
-def certify_claims(system: System, gain: Polynomial, claims: Sequence[Claim]) -> Certificate:
+def certify_claims(
+    system: System, gain: Polynomial, claims: Sequence[Claim], model: System | None = None
+) -> Certificate:
     """Prove claims about the closed loop of a plant and a gain over the whole box.
 
     Assumes: the plant class of `System` with every parameter inside its interval, arbitrarily fast.
@@ -145,57 +150,55 @@ def certify_claims(system: System, gain: Polynomial, claims: Sequence[Claim]) ->
         system: plant.
         gain: L(r), shape (nx, ny); its doubles are taken as they are.
         claims: what to prove.
+        model: what the observer copies; None for the plant itself.
     """
     start = time.perf_counter()
-    proofs = tuple(prove(system, gain, claim) for claim in claims)
-    return Certificate(proofs, assumptions(system), time.perf_counter() - start)
+    proofs = tuple(prove(system, gain, claim, model) for claim in claims)
+    return Certificate(proofs, assumptions(system, claims), time.perf_counter() - start)
 
 
-def prove(system: System, gain: Polynomial, claim: Claim) -> Proof:
+def prove(system: System, gain: Polynomial, claim: Claim, model: System | None = None) -> Proof:
     """Prove, refute or leave undecided one claim; see `certify_claims`."""
-    if claim.kind != "gain_bound":
-        P = exact(np.asarray(claim.storage))
-        if P.shape[0] != system.nx:
-            return Proof(
-                claim,
-                Outcome.REFUTED,
-                0.0,
-                {},
-                0,
-                f"The storage has {P.shape[0]} rows; the plant has {system.nx} states.",
-            )
-        if claim.weight is not None and np.asarray(claim.weight).shape[1] != system.nx:
-            shape = np.asarray(claim.weight).shape
-            return Proof(
-                claim, Outcome.REFUTED, 0.0, {}, 0, f"The weight has shape {shape}; it needs {system.nx} columns."
-            )
-        if positive_definite(P) is not Outcome.PROVED:
-            return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, "The storage matrix is not positive definite.")
-    if system.dt is not None and claim.kind == "decay" and claim.level >= 1:
-        return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, "A factor a step of one or more is no decay.")
-    if any(isinstance(m, MatrixFunction) for m in system.matrices.values()):
-        verdict = _prove_with_balls(system, gain, claim)
+    if refusal := _misfit(system, claim):
+        return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, refusal)
+    if claim.kind in ENCLOSURE_KINDS:
+        failed, verdict = enclosure_verdict(system, gain, claim)
     else:
-        verdict = negative_definite(_inequality(system, gain, claim, _exact_lift), error_box(system))
-    return Proof(claim, verdict.outcome, verdict.margin, verdict.point, verdict.pieces, _reason(claim, verdict))
+        failed, verdict = claim_verdict(system, gain, claim, model)
+    reason = _reason(claim, failed, verdict)
+    return Proof(claim, verdict.outcome, verdict.margin, verdict.point, verdict.pieces, reason)
 
 
-def assumptions(system: System) -> tuple[str, ...]:
+def _misfit(system: System, claim: Claim) -> str:
+    """Why a witness cannot belong to this plant, or an empty string."""
+    if claim.storage is not None and claim.storage.shape[0] != system.nx:
+        return f"The storage has {claim.storage.shape[0]} rows; the plant has {system.nx} states."
+    if claim.weight is not None and np.asarray(claim.weight).shape[1] != system.nx:
+        return f"The weight has shape {np.asarray(claim.weight).shape}; it needs {system.nx} columns."
+    if system.dt is not None and claim.kind == "decay" and claim.level >= 1:
+        return "A factor a step of one or more is no decay."
+    return ""
+
+
+def assumptions(system: System, claims: Sequence[Claim] = ()) -> tuple[str, ...]:
     """Return what a certificate of this plant rests on, one sentence each.
 
     Args:
         system: plant.
+        claims: what is claimed; a storage that depends on parameters rests on their rates.
     """
+    by_rate = {n for c in claims if isinstance(c.storage, Polynomial) for n, d in c.storage.degree.items() if d}
     time_axis = "continuous time" if system.dt is None else f"discrete time with step {system.dt:g} s"
     lines = [
         f"The plant is `{system.name}` in {time_axis}; the claim is about that model, not about another sampling of it."
     ]
     for p in system.parameters:
-        word = "is measured exactly" if p.measured else "is not measured"
-        lines.append(
-            f"{p.name} {word} and stays in [{p.lower:.6g}, {p.upper:.6g}] {p.unit}".rstrip()
-            + ", however fast it changes."
-        )
+        lines.append(_parameter_sentence(p, system.scheduling_error is not None, by_rate))
+    for what, bound in (("disturbance", system.disturbance_bound), ("noise", system.noise_bound)):
+        if bound is not None:
+            lines.append(
+                f"Where a claim speaks of bounds, each {what} stays within {[float(f'{b:.6g}') for b in bound]}."
+            )
     f = system.nonlinearity
     if f is not None and f.jacobian_lower is not None and f.jacobian_upper is not None:
         how = (
@@ -213,82 +216,35 @@ def assumptions(system: System) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _inequality(system: System, gain: Polynomial, claim: Claim, lift: Any) -> Polynomial:
-    """The symmetric matrix that must be negative definite for the claim to hold."""
-    level = exact(np.array([[claim.level]]))[0, 0]
-    if claim.kind == "gain_bound":
-        nx, ny = gain.shape
-        return -symmetric(
-            [[Polynomial.constant(exact(claim.level * np.eye(nx))), lift(gain)], [exact(claim.level * np.eye(ny))]]
-        )
-    error = ErrorSystem.of(system, gain, lift)
-    P = exact(np.asarray(claim.storage))
-    multiplier = exact(np.array([[claim.multiplier or 0.0]]))[0, 0]
-    if claim.kind == "decay":
-        return error.dissipation(P, rate=level, multiplier=multiplier)
-    rate = 0 if system.dt is None else 1
-    inputs = {
-        "disturbance": lambda: error.disturbance,
-        "noise": lambda: error.noise,
-        "both": lambda: _beside(error.disturbance, error.noise),
-    }[claim.inputs]()
-    weight = Polynomial.constant(exact(np.asarray(claim.weight)))
-    return error.dissipation(
-        P, rate=rate, weight=weight, inputs=inputs, gain_squared=level * level, multiplier=multiplier
-    )
-
-
-def _beside(left: Polynomial, right: Polynomial) -> Polynomial:
-    rows, columns = left.shape[1], right.shape[1]
-    first = exact(np.eye(rows, rows + columns))
-    second = exact(np.eye(columns, rows + columns, rows))
-    return left @ first + right @ second
-
-
-def _exact_lift(matrix: PlantMatrix) -> Polynomial:
-    if not isinstance(matrix, Polynomial):
-        raise NotAccepted("A function on the domain has no exact polynomial form; it is proved with balls.")
-    return matrix.map(exact)
-
-
-def _prove_with_balls(system: System, gain: Polynomial, claim: Claim) -> Verdict:
-    # Each function is read once; pieces only evaluate what was read.
-    traces = {id(m): _traced(m) for m in system.matrices.values() if isinstance(m, MatrixFunction)}
-
-    def on_piece(values: Mapping[str, Ball]) -> np.ndarray:
-        def lift(matrix: PlantMatrix) -> Polynomial:
-            if isinstance(matrix, Polynomial):
-                return Polynomial.constant(_ball_values(matrix, values))
-            point = np.array([values[n] for n in matrix.names], dtype=object)
-            return Polynomial.constant(traces[id(matrix)](point, arithmetic=BALL))
-
-        inequality = _inequality(system, gain, claim, lift)
-        return inequality({n: values[n] for n in inequality.names})
-
-    return negative_definite(on_piece, error_box(system))
-
-
-def _traced(matrix: MatrixFunction) -> Trace:
-    names = matrix.names
-
-    def at(r: Any) -> Any:
-        return matrix({n: r[k] for k, n in enumerate(names)})
-
-    return trace(at, np.zeros(len(names)))
-
-
-def _ball_values(matrix: Polynomial, values: Mapping[str, Ball]) -> np.ndarray:
-    balls = np.vectorize(Ball.exact, otypes=[object])
-    return matrix.map(lambda c: balls(c) if c.size else c.astype(object))(values)
-
-
-def _reason(claim: Claim, verdict: Verdict) -> str:
+def _reason(claim: Claim, failed: str, verdict: Verdict) -> str:
     if verdict.outcome is Outcome.PROVED:
-        return f"{Outcome.PROVED.sentence} Definite with margin {verdict.margin:.3g} on {verdict.pieces} piece(s)."
+        return f"{Outcome.PROVED.sentence} Margin {verdict.margin:.3g} on {verdict.pieces} piece(s)."
     where = ", ".join(f"{n} = {v:.6g}" for n, v in verdict.point.items()) or "the only point there is"
+    if failed == "storage":
+        return f"The storage matrix is not positive definite at {where}."
+    what = (
+        f"The inequality of `{claim.kind}` at level {claim.level:.6g}"
+        if failed == claim.kind
+        else f"`{failed}` of `{claim.kind}`"
+    )
     if verdict.outcome is Outcome.REFUTED:
-        return f"The inequality of `{claim.kind}` at level {claim.level:.6g} fails at {where}."
-    return f"The inequality of `{claim.kind}` was not decided near {where} after {verdict.pieces} pieces."
+        return f"{what} fails at {where}."
+    return f"{what} was not decided near {where} after {verdict.pieces} pieces."
+
+
+def _parameter_sentence(p: Parameter, declared_error: bool, by_rate: set[str]) -> str:
+    if not p.measured:
+        word = "is not measured"
+    elif declared_error:
+        word = "is measured with the declared scheduling error"
+    elif p.is_exact:
+        word = "is measured exactly"
+    else:
+        word = f"is measured with a factor in [{p.factor[0]:.6g}, {p.factor[1]:.6g}] and an offset up to {p.error:.6g}"
+    pace = ", however fast it changes."
+    if p.name in by_rate:
+        pace = ", and changes by its rate law." if p.rate_law else f", and changes by at most {p.rate:.6g} a second."
+    return f"{p.name} {word} and stays in [{p.lower:.6g}, {p.upper:.6g}] {p.unit}".rstrip() + pace
 
 
 def _box_text(lower: np.ndarray, upper: np.ndarray) -> str:

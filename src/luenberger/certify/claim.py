@@ -6,10 +6,23 @@ from typing import Any, Literal
 
 import numpy as np
 
+from luenberger.algebra import Polynomial
+from luenberger.certify.rational_text import (
+    from_text,
+    matrix_from_text,
+    matrix_text,
+    polynomial_as_text,
+    polynomial_from_text,
+    to_text,
+)
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array, matrix
+from luenberger.core.checks import finite_array, known_keys, matrix
 
-Kind = Literal["decay", "l2_gain", "gain_bound"]
+Kind = Literal[
+    "decay", "l2_gain", "h2_gain", "gain_bound", "cooperative", "width_decay", "width_gain", "width", "containment"
+]
+# Claims about the width of an enclosure; `luenberger.certify.enclosure` proves them.
+ENCLOSURE_KINDS: tuple[Kind, ...] = ("cooperative", "width_decay", "width_gain", "width", "containment")
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,15 +31,25 @@ class Claim:
 
     * decay: V = e' P e falls at least like exp(-2 level t) (a step of a discrete plant: V falls by level^2).
     * l2_gain: |weight e|_2 <= level |w|_2 from zero initial error, w the disturbance, the noise, or both.
+    * h2_gain: unit white noise w drives weight e to a root mean square <= level (for frozen parameters the H2 norm).
     * gain_bound: |L(r)|_2 <= level.
+    * cooperative: all entries of T (A(r,q) - L(r) C(r)) T^-1 off the diagonal are >= 0, so that order is kept.
+    * width_decay, width_gain: as decay and l2_gain, for the width of the enclosure that an interval observer draws.
+    * width: once every width |T x| is below `vector` it stays there, inside the stated bounds.
+    * containment: the state never leaves the enclosure, inside the stated bounds.
 
     Args:
         kind: which statement.
-        level: decay rate [1/s], factor a step, L2 gain, or norm bound.
-        storage: the witness P, shape (nx, nx); None for a gain bound.
+        level: decay rate [1/s], factor a step, L2 or H2 gain, norm bound, or largest width.
+        storage: the witness P, shape (nx, nx), or P(r) as a polynomial of the scheduling; None where none is needed.
         multiplier: witness of the norm-bounded channel where the plant has one.
-        weight: performance output of an L2 claim, shape (nz, nx).
-        inputs: "disturbance", "noise" or "both" for an L2 claim.
+        weight: performance output of a gain claim, shape (nz, nx).
+        inputs: channels of w joined by "+": "disturbance", "noise", "scheduling"; "both" is "disturbance+noise".
+        form: which signal a scheduling error multiplies, see `ErrorSystem.of`.
+        trace: witness Z of an H2 claim, shape (nz, nz): [P, W'; W, Z] > 0 and trace Z < level.
+        transform: coordinates T of an enclosure claim, shape (nx, nx); None for the states themselves.
+        vector: witness of a width claim, shape (nx,).
+        state_bound: |x_k| <= bound that a width claim assumes, shape (nx,).
 
     Raises:
         BadInput: negative or non-finite level, missing witness.
@@ -34,31 +57,53 @@ class Claim:
 
     kind: Kind
     level: float
-    storage: np.ndarray | None = None
+    storage: np.ndarray | Polynomial | None = None
     multiplier: float | None = None
     weight: np.ndarray | None = None
     inputs: str = ""
+    form: Literal["plant", "estimate"] = "plant"
+    trace: np.ndarray | None = None
+    transform: np.ndarray | None = None
+    vector: np.ndarray | None = None
+    state_bound: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.level) and self.level >= 0):
             raise BadInput(f"The claim `{self.kind}` has level {self.level}; a finite level >= 0 is needed.")
-        if self.kind == "gain_bound":
+        if self.kind in ("gain_bound", "cooperative", "containment"):
+            return
+        if self.kind == "width":
+            if self.vector is None:
+                raise BadInput("A width claim needs its witness `vector`; nothing could check it.")
             return
         if self.storage is None:
             raise BadInput(f"The claim `{self.kind}` has no storage matrix; nothing could check it.")
-        P = finite_array("storage", self.storage)
-        object.__setattr__(self, "storage", matrix("storage", P, P.shape[0], P.shape[0], "a storage matrix is square"))
-        if not np.array_equal(P, P.T):
-            raise BadInput("The storage matrix is not symmetric; store (P + P.T) / 2.")
-        if self.kind == "l2_gain" and (self.weight is None or self.inputs not in ("disturbance", "noise", "both")):
-            raise BadInput("An L2 gain claim needs `weight` and `inputs` ('disturbance', 'noise' or 'both').")
+        if isinstance(self.storage, Polynomial):
+            object.__setattr__(self, "storage", self.storage.map(_symmetric))
+        else:
+            object.__setattr__(self, "storage", _symmetric(self.storage))
+        if self.kind in ("l2_gain", "h2_gain", "width_gain") and self.weight is None:
+            raise BadInput(f"The claim `{self.kind}` needs `weight`, what of the error it is about.")
+        if self.kind in ("l2_gain", "h2_gain"):
+            asked = ("disturbance+noise" if self.inputs == "both" else self.inputs).split("+")
+            known_keys("`inputs` of a gain claim", asked, list(_inputs))
+        if self.kind == "h2_gain" and self.trace is None:
+            raise BadInput("An H2 claim needs its witness `trace`, Z with [P, W'; W, Z] > 0; nothing could check it.")
 
     def sentence(self, discrete: bool = False) -> str:
         """The claim in words."""
         if self.kind == "gain_bound":
             return f"The gain norm |L(r)| stays below {self.level:.6g} on the whole scheduling box."
-        if self.kind == "l2_gain":
-            return f"From zero initial error, |W e|_2 <= {self.level:.6g} |w|_2 for every {_inputs[self.inputs]} w of finite energy."
+        if self.kind in ("l2_gain", "h2_gain"):
+            channels = ("disturbance+noise" if self.inputs == "both" else self.inputs).split("+")
+            what = " and ".join(_inputs[c].format(signal="x" if self.form == "plant" else "xhat") for c in channels)
+            if self.kind == "h2_gain":
+                return f"From unit white {what}, the root mean square of W e stays below {self.level:.6g} at frozen parameters."
+            return f"From zero initial error, |W e|_2 <= {self.level:.6g} |w|_2 for every {what} w of finite energy."
+        if self.kind in _enclosures:
+            return _enclosures[self.kind].format(level=self.level)
+        if isinstance(self.storage, Polynomial):
+            return f"Without disturbance and noise, e' P(r) e falls at least like exp(-{2 * self.level:.6g} t) inside the stated sets and rates."
         P = np.asarray(self.storage)
         values = np.linalg.eigvalsh(P)
         bound = math.sqrt(max(values[-1], 0.0) / values[0]) if values[0] > 0 else math.inf
@@ -72,10 +117,11 @@ class Claim:
         return {
             "kind": self.kind,
             "level": to_text(self.level),
-            "storage": None if self.storage is None else matrix_text(self.storage),
+            "storage": _storage_text(self.storage),
             "multiplier": None if self.multiplier is None else to_text(self.multiplier),
-            "weight": None if self.weight is None else matrix_text(self.weight),
             "inputs": self.inputs,
+            "form": self.form,
+            **{k: _optional_text(getattr(self, k)) for k in _MATRICES},
         }
 
     @staticmethod
@@ -84,59 +130,53 @@ class Claim:
         return Claim(
             kind=data["kind"],
             level=from_text(data["level"]),
-            storage=None if data["storage"] is None else matrix_from_text(data["storage"]),
+            storage=_storage_from_text(data["storage"]),
             multiplier=None if data["multiplier"] is None else from_text(data["multiplier"]),
-            weight=None if data["weight"] is None else matrix_from_text(data["weight"]),
             inputs=data["inputs"],
+            form=data.get("form", "plant"),
+            **{k: _optional_from_text(k, data.get(k)) for k in _MATRICES},
         )
 
 
-_inputs = {"disturbance": "disturbance", "noise": "noise", "both": "disturbance and noise"}
+_MATRICES = ("weight", "trace", "transform", "vector", "state_bound")
+_inputs = {
+    "disturbance": "disturbance",
+    "noise": "noise",
+    "scheduling": "({signal}, u), which the scheduling error multiplies,",
+}
+_enclosures = {
+    "cooperative": "The error keeps its order: what starts between the bounds stays between them.",
+    "width_decay": "Without noise, offsets and mismatch the width of the enclosure falls at least like exp(-{level:.6g} t).",
+    "width_gain": "From zero width, |W width|_2 <= {level:.6g} |mismatch|_2.",
+    "width": "Once below the stated widths the enclosure stays below them; the largest is {level:.6g}.",
+    "containment": "The true state never leaves the enclosure while the stated bounds hold and it starts inside.",
+}
 
 
-def to_text(number: float) -> str:
-    """Return the exact value of a double as a rational, e.g. "5/4".
-
-    Args:
-        number: any finite double.
-    """
-    p, q = float(number).as_integer_ratio()
-    return str(p) if q == 1 else f"{p}/{q}"
+def _symmetric(P: Any) -> np.ndarray:
+    given = finite_array("storage", P)
+    square = matrix("storage", given, given.shape[0], given.shape[0], "a storage matrix is square")
+    if not np.array_equal(square, square.T):
+        raise BadInput("The storage matrix is not symmetric; store (P + P.T) / 2.")
+    return square
 
 
-def from_text(text: str) -> float:
-    """Return the double that `to_text` wrote.
-
-    Raises:
-        BadInput: not a rational that a double holds exactly.
-    """
-    try:
-        p, _, q = str(text).partition("/")
-        value = int(p) / int(q or 1)
-        held = value.as_integer_ratio() == (
-            (int(p) // math.gcd(int(p), int(q or 1))),
-            int(q or 1) // math.gcd(int(p), int(q or 1)),
-        )
-    except (ValueError, ZeroDivisionError, OverflowError):
-        raise BadInput(f'`{text}` is not a rational; numbers in a certificate need the form "p/q".') from None
-    if not held:
-        raise BadInput(f"`{text}` is not exactly a double; the certificate was altered or written by something else.")
-    return value
+def _storage_text(storage: Any) -> Any:
+    return polynomial_as_text(storage) if isinstance(storage, Polynomial) else _optional_text(storage)
 
 
-def matrix_text(array: np.ndarray) -> list[list[str]]:
-    """Return a matrix as nested rational strings.
-
-    Args:
-        array: matrix of doubles.
-    """
-    return [[to_text(x) for x in row] for row in np.atleast_2d(array)]
+def _storage_from_text(data: Any) -> Any:
+    if data is None or isinstance(data, list):
+        return _optional_from_text("storage", data)
+    return polynomial_from_text(data)
 
 
-def matrix_from_text(rows: list[list[str]]) -> np.ndarray:
-    """Return the float matrix that `matrix_text` wrote.
+def _optional_text(array: Any) -> Any:
+    return None if array is None else matrix_text(array)
 
-    Args:
-        rows: nested rational strings.
-    """
-    return np.array([[from_text(x) for x in row] for row in rows], dtype=np.float64).reshape(len(rows), -1)
+
+def _optional_from_text(name: str, rows: Any) -> Any:
+    if rows is None:
+        return None
+    found = matrix_from_text(rows)
+    return found[0] if name in ("vector", "state_bound") else found

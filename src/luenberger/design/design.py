@@ -10,14 +10,15 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Certificate, certify
+from luenberger.certify.rational_text import polynomial_as_text, polynomial_from_text
 from luenberger.core import BadInput
 from luenberger.core.checks import known_keys
-from luenberger.design.system_text import polynomial_as_text, polynomial_from_text, system_as_text, system_from_text
+from luenberger.design.system_text import system_as_text, system_from_text
 from luenberger.observers import CorrectionObserver
 from luenberger.systems import System
 
 FORMAT = "luenberger design 1"
-_KEYS = ("format", "method", "options", "references", "system", "gain", "certificate", "statistics")
+_KEYS = ("format", "method", "options", "references", "system", "gain", "model", "certificate", "statistics")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Design:
         options: its options.
         references: papers, one string each.
         statistics: solver name, times [s], residuals; informative only.
+        model: what the observer copies where that is not the plant (unstructured designs), else None.
     """
 
     system: System
@@ -41,6 +43,7 @@ class Design:
     options: Mapping[str, Any] = field(default_factory=dict)
     references: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
+    model: System | None = None
 
     def observer(self, dt: float, **options: Any) -> CorrectionObserver:
         """Return the running observer with sample time dt [s].
@@ -49,7 +52,7 @@ class Design:
             dt: sample time [s]; a discrete design needs its own.
             options: see `CorrectionObserver`.
         """
-        return CorrectionObserver(self.system, self.gain, dt, **options)
+        return CorrectionObserver(self.system if self.model is None else self.model, self.gain, dt, **options)
 
     def certify(self) -> Certificate:
         """Check all claims again, from plant, gain and witnesses alone."""
@@ -77,6 +80,7 @@ class Design:
             "references": list(self.references),
             "system": system_as_text(self.system),
             "gain": polynomial_as_text(self.gain),
+            "model": None if self.model is None else system_as_text(self.model),
             "certificate": self.certificate.as_text(),
             "statistics": dict(self.statistics),
         }
@@ -106,6 +110,7 @@ class Design:
             return Design(
                 system=system_from_text(data["system"], function),
                 gain=polynomial_from_text(data["gain"]),
+                model=None if data.get("model") is None else system_from_text(data["model"]),
                 certificate=Certificate.from_text(data["certificate"]),
                 method=data["method"],
                 options=data["options"],

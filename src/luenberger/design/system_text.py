@@ -5,31 +5,22 @@ from typing import Any
 import numpy as np
 
 from luenberger.algebra import Polynomial
-from luenberger.certify.claim import from_text, matrix_from_text, matrix_text, to_text
+from luenberger.certify.rational_text import (
+    from_text,
+    matrix_from_text,
+    matrix_text,
+    polynomial_as_text,
+    polynomial_from_text,
+    to_text,
+)
 from luenberger.core import BadInput, NotAccepted
 from luenberger.core.checks import known_keys
 from luenberger.systems import Nonlinearity, Parameter, System
+from luenberger.systems.parameter import RateLaw
+from luenberger.systems.scheduling_error import SchedulingError
 
 _KEYS = ("name", "dt", "states", "inputs", "outputs", "units", "parameters", "matrices", "nonlinearity")
-
-
-def polynomial_as_text(polynomial: Polynomial) -> dict[str, Any]:
-    """Return names, shape and terms of a matrix polynomial."""
-    terms = [{"exponents": list(e), "coefficient": matrix_text(np.asarray(c))} for e, c in polynomial]
-    return {"names": list(polynomial.names), "shape": list(polynomial.shape), "terms": terms}
-
-
-def polynomial_from_text(data: dict[str, Any]) -> Polynomial:
-    """Read what `polynomial_as_text` wrote.
-
-    Args:
-        data: names, shape and terms.
-    """
-    shape = tuple(data["shape"])
-    return Polynomial(
-        data["names"],
-        {tuple(t["exponents"]): matrix_from_text(t["coefficient"]).reshape(shape) for t in data["terms"]},
-    )
+_LATER = ("scheduling_error", "disturbance_bound", "noise_bound")
 
 
 def system_as_text(system: System) -> dict[str, Any]:
@@ -62,11 +53,16 @@ def system_as_text(system: System) -> dict[str, Any]:
                 "measured": p.measured,
                 "rate": None if p.rate is None else to_text(p.rate),
                 "error": to_text(p.error),
+                "factor": [to_text(f) for f in p.factor],
+                "rate_law": None if p.rate_law is None else [[to_text(c), dict(powers)] for c, powers in p.rate_law],
             }
             for p in system.parameters
         ],
         "matrices": {letter: polynomial_as_text(system.polynomial(letter)) for letter in system.matrices},
         "nonlinearity": None if f is None else _nonlinearity_as_text(f),
+        "scheduling_error": None if system.scheduling_error is None else _error_as_text(system.scheduling_error),
+        "disturbance_bound": _bound_as_text(system.disturbance_bound),
+        "noise_bound": _bound_as_text(system.noise_bound),
     }
 
 
@@ -81,7 +77,7 @@ def system_from_text(data: dict[str, Any], function: Any = None) -> System:
     Raises:
         BadInput: an unknown or missing entry.
     """
-    known_keys("The plant in the design file", data, _KEYS)
+    known_keys("The plant in the design file", data, [*_KEYS, *_LATER])
     if missing := [k for k in _KEYS if k not in data]:
         raise BadInput(f"The plant in the design file lacks {missing}; write it again with `Design.save`.")
     matrices: dict[str, Polynomial | None] = {letter: polynomial_from_text(m) for letter, m in data["matrices"].items()}
@@ -99,12 +95,51 @@ def system_from_text(data: dict[str, Any], function: Any = None) -> System:
             p["measured"],
             None if p["rate"] is None else from_text(p["rate"]),
             from_text(p["error"]),
+            _factor_from_text(p.get("factor")),
+            _rate_law_from_text(p.get("rate_law")),
         )
         for p in data["parameters"]
     ]
     signals = {k: data[k] for k in ("states", "inputs", "outputs", "units", "name")}
     dt = None if data["dt"] is None else from_text(data["dt"])
-    return System.build(**matrices, nonlinearity=nonlinearity, parameters=parameters, dt=dt, **signals)
+    later = {
+        "scheduling_error": _error_from_text(data.get("scheduling_error")),
+        **{k: _bound_from_text(data.get(k)) for k in ("disturbance_bound", "noise_bound")},
+    }
+    return System.build(**matrices, nonlinearity=nonlinearity, parameters=parameters, dt=dt, **signals, **later)
+
+
+def _error_as_text(error: SchedulingError) -> dict[str, Any]:
+    return {
+        "true": {n: polynomial_as_text(p) for n, p in error.true.items()},
+        "measured": {n: polynomial_as_text(p) for n, p in error.measured.items()},
+        "box": {n: [to_text(lower), to_text(upper)] for n, (lower, upper) in error.box.items()},
+    }
+
+
+def _error_from_text(data: Any) -> SchedulingError | None:
+    if data is None:
+        return None
+    true, measured = ({n: polynomial_from_text(p) for n, p in data[k].items()} for k in ("true", "measured"))
+    return SchedulingError(true, measured, {n: (from_text(a), from_text(b)) for n, (a, b) in data["box"].items()})
+
+
+def _bound_as_text(bound: tuple[float, ...] | None) -> list[str] | None:
+    return None if bound is None else [to_text(b) for b in bound]
+
+
+def _bound_from_text(texts: Any) -> tuple[float, ...] | None:
+    return None if texts is None else tuple(from_text(t) for t in texts)
+
+
+def _factor_from_text(data: Any) -> tuple[float, float]:
+    return (1.0, 1.0) if data is None else (from_text(data[0]), from_text(data[1]))
+
+
+def _rate_law_from_text(data: Any) -> RateLaw | None:
+    if data is None:
+        return None
+    return tuple((from_text(c), tuple((str(n), int(k)) for n, k in powers.items())) for c, powers in data)
 
 
 def _nonlinearity_as_text(f: Nonlinearity) -> dict[str, Any]:

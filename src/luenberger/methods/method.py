@@ -26,11 +26,13 @@ class Candidate:
         gain: L(r) with full digits; it is rounded before anything is claimed.
         claims: takes the rounded gain, returns the claims with witnesses; they are proved or the design is refused.
         statistics: solver, times [s], optimum; plain JSON values.
+        model: what the observer copies where that is not the plant; its A and B are rounded as the gain is.
     """
 
     gain: Polynomial
     claims: Callable[[Polynomial], Sequence[Claim]]
     statistics: Mapping[str, Any] = field(default_factory=dict)
+    model: System | None = None
 
 
 @runtime_checkable

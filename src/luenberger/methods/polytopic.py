@@ -20,7 +20,7 @@ from luenberger.methods.method import (
     statistics,
 )
 from luenberger.systems import System
-from luenberger.systems.error_system import as_floats, error_box, jacobian
+from luenberger.systems.jacobian_box import as_floats, error_box, jacobian
 from luenberger.systems.observability import require_detectable
 
 

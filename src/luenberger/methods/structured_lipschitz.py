@@ -21,7 +21,7 @@ from luenberger.methods.method import (
     statistics,
 )
 from luenberger.systems import System
-from luenberger.systems.error_system import as_floats
+from luenberger.systems.jacobian_box import as_floats
 from luenberger.systems.observability import require_detectable
 
 

@@ -3,6 +3,7 @@
 from luenberger.systems.matrix import MatrixFunction
 from luenberger.systems.nonlinearity import Nonlinearity
 from luenberger.systems.parameter import Parameter
+from luenberger.systems.scheduling_error import SchedulingError
 from luenberger.systems.system import System
 
-__all__ = ["MatrixFunction", "Nonlinearity", "Parameter", "System"]
+__all__ = ["MatrixFunction", "Nonlinearity", "Parameter", "SchedulingError", "System"]

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from scipy.linalg import matrix_balance, subspace_angles
 
-from luenberger.systems.error_system import error_box, jacobian
+from luenberger.systems.jacobian_box import error_box, jacobian
 from luenberger.systems.system import System
 
 RELATIVE_TOLERANCE = 1e-9

@@ -14,6 +14,7 @@ from luenberger.core.checks import finite_array, known_keys
 from luenberger.systems.matrix import MatrixFunction, PlantMatrix, plant_matrix, polynomial
 from luenberger.systems.nonlinearity import Nonlinearity
 from luenberger.systems.parameter import Parameter, box
+from luenberger.systems.scheduling_error import SchedulingError
 
 
 class System(eqx.Module):
@@ -22,7 +23,7 @@ class System(eqx.Module):
     Continuous (dt None) or discrete (x+ for dx):
 
         dx = A(r,q) x + B(r,q) u + F(r,q) f(H x, u) + E(r) d
-        y  = C(r) x + D(r) u + G v
+        y  = C(r) x + D(r) u + G v          u measured as u + N(r) v
 
     r measured scheduling (nr), q unmeasured uncertainty (nq), d unknown input (nd), v noise (nv). Gains and solver
     choices never live here. The matrices are pytree leaves, so plants can be batched with `vmap`.
@@ -35,6 +36,8 @@ class System(eqx.Module):
     E: PlantMatrix
     F: PlantMatrix
     G: PlantMatrix
+    N: PlantMatrix
+    scheduling_error: SchedulingError | None
     nonlinearity: Nonlinearity | None
     parameters: tuple[Parameter, ...] = eqx.field(static=True)
     dt: float | None = eqx.field(static=True)
@@ -43,6 +46,8 @@ class System(eqx.Module):
     outputs: tuple[str, ...] = eqx.field(static=True)
     units: Mapping[str, str] = eqx.field(static=True)
     name: str = eqx.field(static=True)
+    disturbance_bound: tuple[float, ...] | None = eqx.field(static=True)
+    noise_bound: tuple[float, ...] | None = eqx.field(static=True)
 
     @staticmethod
     def linear(A: Any, B: Any = None, C: Any = None, D: Any = None, **options: Any) -> "System":
@@ -73,6 +78,10 @@ class System(eqx.Module):
         E: Any = None,
         F: Any = None,
         G: Any = None,
+        N: Any = None,
+        scheduling_error: SchedulingError | None = None,
+        disturbance_bound: Sequence[float] | None = None,
+        noise_bound: Sequence[float] | None = None,
         nonlinearity: Nonlinearity | None = None,
         parameters: Sequence[Parameter] = (),
         dt: float | None = None,
@@ -92,6 +101,10 @@ class System(eqx.Module):
             E: (nx, nd) direction of the unknown input d.
             F: (nx, nf) direction of the nonlinearity.
             G: (ny, nv) direction of the noise; left out: one noise an output.
+            N: (nu, nv) noise of the measured inputs, the same v as in the outputs; left out: inputs are known exactly.
+            scheduling_error: how measured and true scheduling differ; left out: what the parameters say of themselves.
+            disturbance_bound: |d_k| <= bound, nd numbers; left out: no bound is trusted.
+            noise_bound: |v_k| <= bound, nv numbers; left out: no bound is trusted.
             nonlinearity: f with its bounds; needed with F.
             parameters: scheduling and uncertainty with their intervals.
             dt: sample time [s] of a discrete plant, None for a continuous one.
@@ -117,6 +130,7 @@ class System(eqx.Module):
         ny = _rows("C", C)
         nf = 0 if nonlinearity is None else nonlinearity.size
         have = f"the system has {nx} states"
+        nv = _columns("G", G, _columns("N", N, ny))
         if nonlinearity is not None and nonlinearity.H.shape[1] != nx:
             raise BadInput(f"`H` has shape {nonlinearity.H.shape} but {have}; `H` needs shape (nz, {nx}).")
         system = System(
@@ -127,8 +141,10 @@ class System(eqx.Module):
             E=plant_matrix("E", E, nx, nd, names, have),
             F=plant_matrix("F", F, nx, nf, names, f"{have} and the nonlinearity {nf} outputs"),
             G=plant_matrix(
-                "G", np.eye(ny) if G is None else G, ny, _columns("G", G, ny), names, f"the system has {ny} outputs"
+                "G", np.eye(ny, nv) * (N is None) if G is None else G, ny, nv, names, f"the system has {ny} outputs"
             ),
+            N=plant_matrix("N", N, nu, nv, names, f"the system has {nu} inputs and {nv} noises"),
+            scheduling_error=scheduling_error,
             nonlinearity=nonlinearity,
             parameters=tuple(parameters),
             dt=dt,
@@ -137,7 +153,11 @@ class System(eqx.Module):
             outputs=_names("outputs", outputs, "y", ny),
             units=dict(units or {}),
             name=name,
+            disturbance_bound=_bounds("disturbance_bound", disturbance_bound, nd),
+            noise_bound=_bounds("noise_bound", noise_bound, nv),
         )
+        if scheduling_error is not None:
+            scheduling_error.require(system.scheduling_names)
         known_keys("`units`", system.units, [*system.states, *system.inputs, *system.outputs, *names])
         return system
 
@@ -193,8 +213,15 @@ class System(eqx.Module):
 
     @property
     def matrices(self) -> dict[str, PlantMatrix]:
-        """The seven matrices by letter."""
-        return {letter: getattr(self, letter) for letter in "ABCDEFG"}
+        """The eight matrices by letter."""
+        return {letter: getattr(self, letter) for letter in "ABCDEFGN"}
+
+    @property
+    def measured_scheduling(self) -> SchedulingError | None:
+        """How measured and true scheduling differ: as declared, or from the errors of the parameters; None where exact."""
+        if self.scheduling_error is not None:
+            return self.scheduling_error
+        return SchedulingError.of([p for p in self.parameters if p.measured])
 
     def polynomial(self, letter: str) -> Polynomial:
         """Return a matrix in polynomial form.
@@ -208,7 +235,7 @@ class System(eqx.Module):
         """Return a matrix at a scheduling vector r, shape (nr,), uncertainties at their midpoints; works under JAX.
 
         Args:
-            letter: one of A to G.
+            letter: one of A to G, or N.
             r: scheduling, shape (nr,), in the order of `scheduling_names`.
 
         Raises:
@@ -243,7 +270,7 @@ class System(eqx.Module):
         return jnp.asarray(y + self.at("D", r) @ u if self.nu else y)
 
     def freeze(self, **values: float) -> "System":
-        """Return the plant at given parameter values; the others stay.
+        """Return the plant at given parameter values; the others stay, a declared scheduling error goes with its parameters.
 
         Args:
             values: parameter name -> value inside its interval.
@@ -257,15 +284,19 @@ class System(eqx.Module):
             lower, upper = intervals[name]
             if not lower <= value <= upper:
                 raise BadInput(f"`{name}` = {value} lies outside its interval [{lower}, {upper}]; freeze inside it.")
-        frozen = {
+        frozen: dict[str, Any] = {
             k: _substitute(m, values) for k, m in self.matrices.items() if k != "F" or self.nonlinearity is not None
         }
+        # A declared map of the scheduling says nothing of a plant that is scheduled by less.
+        if set(values) & set(self.scheduling_names):
+            frozen["scheduling_error"] = None
         kept = [p for p in self.parameters if p.name not in values]
         return self.replace(**frozen, parameters=kept, units={k: v for k, v in self.units.items() if k not in values})
 
     def replace(self, **changes: Any) -> "System":
         """Return a copy with some parts of `System.build` changed; everything is checked again."""
         rest = ("nonlinearity", "parameters", "dt", "states", "inputs", "outputs", "units", "name")
+        rest += ("scheduling_error", "disturbance_bound", "noise_bound")
         parts = {**self.matrices, **{k: getattr(self, k) for k in rest}}
         if self.nonlinearity is None:
             parts["F"] = None
@@ -301,3 +332,12 @@ def _names(what: str, given: Sequence[str], letter: str, count: int) -> tuple[st
     if len(names) != count or len(set(names)) != count:
         raise BadInput(f"`{what}` names {list(names)} but the system has {count}; give {count} different names.")
     return names
+
+
+def _bounds(name: str, given: Sequence[float] | None, count: int) -> tuple[float, ...] | None:
+    if given is None:
+        return None
+    values = tuple(float(v) for v in given)
+    if len(values) != count or not all(np.isfinite(v) and v >= 0 for v in values):
+        raise BadInput(f"`{name}` is {list(values)}; {count} finite numbers >= 0 are needed, one for each signal.")
+    return values

@@ -7,7 +7,7 @@ Signs: x ahead, y to the left; steering delta, yaw rate r, vy, ay and tyre force
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -20,13 +20,13 @@ from luenberger.systems import Nonlinearity, Parameter, System
 from luenberger.vehicle.parameters import VehicleParameters
 from luenberger.vehicle.tyres import Tyre
 
+_SPEED_LAW = ((-1.0, (("inverse_speed", 2), ("acceleration", 1))),)
 _SLIP_UNITS = {
     "front_slip": "rad",
     "rear_slip": "rad",
     "steering": "rad",
     "steering_rate": "rad/s",
     "yaw_rate": "rad/s",
-    "slip_difference": "rad",
     "inverse_speed": "s/m",
     "acceleration": "m/s^2",
 }
@@ -49,6 +49,11 @@ def slip_angle_plant(
     slip_limit: float | None = None,
     jerk: float | None = None,
     disturbance: bool = False,
+    stiffness: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    force_offset: float | None = None,
+    noise: tuple[float, float, float] | None = None,
+    scale_error: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    output: Literal["slip_difference", "slip_constraint"] = "slip_difference",
 ) -> System:
     """Return the plant with the slip angles of the axles as states and the yaw rate as a measured input.
 
@@ -74,13 +79,22 @@ def slip_angle_plant(
         slip_limit: largest slip angle [rad] for which the slope bounds of `tyres` are taken; left out: all.
         jerk: largest |d acceleration/dt| [m/s^3] trusted.
         disturbance: add E for an unknown lateral force [N] and yaw torque [N m].
+        stiffness: intervals of Cf and Cr [N/rad], which become the unmeasured parameters front_stiffness and
+            rear_stiffness; left out: the numbers of the car.
+        force_offset: bound [N] of the part of either axle force that is not stiffness times slip angle; adds E.
+        noise: bounds of the errors of steering [rad], steering rate [rad/s] and yaw rate [rad/s]; all three enter
+            the inputs and, through y, the output.
+        scale_error: intervals of e1, e2 where the speed is read as (1 + e1) vx and its derivative as (1 + e2) ax.
+        output: "slip_difference" takes y as measured without regard to how; "slip_constraint" states
+            0 = alpha_f - alpha_r - delta + (a + b) r s, whose output is always zero, so that an error of the speed is an
+            error of the correction, as it is in the car.
 
     Returns:
-        States front_slip, rear_slip; inputs steering, steering_rate, yaw_rate; output slip_difference; scheduling
-        inverse_speed, acceleration. `slip_angle_channels` makes these channels from a log.
+        States front_slip, rear_slip; inputs steering, steering_rate, yaw_rate; one output; scheduling inverse_speed,
+        acceleration. `slip_angle_channels` makes these channels from a log.
 
     Raises:
-        BadInput: empty or non-positive interval, or a limit that is not positive.
+        BadInput: empty or non-positive interval, a limit that is not positive, options that exclude each other.
 
     Reference: Wang 2014, equations 3.18 to 3.21 and 5.64 to 5.68; in (5.66) the second row is (-1/m, +b/Iz) / vx, the
         print has both signs turned.
@@ -88,6 +102,10 @@ def slip_angle_plant(
     slow, fast = _interval("speed", speed, "m/s", positive=True)
     brake, drive = _interval("acceleration", acceleration, "m/s^2")
     m, Iz, a, b = car.mass, car.yaw_inertia, car.front_axle_distance, car.rear_axle_distance
+    if stiffness is not None and tyres is not None:
+        raise BadInput("`stiffness` and `tyres` both say what the tyres are; give one of them.")
+    if disturbance and force_offset is not None:
+        raise BadInput("`disturbance` and `force_offset` both fill the unknown inputs; give one of them.")
     K = np.array([[-(1 / m + a**2 / Iz), a * b / Iz - 1 / m], [a * b / Iz - 1 / m, -(1 / m + b**2 / Iz)]])
     zero, names = (0, 0), ("inverse_speed", "acceleration")
     C0 = [car.front_stiffness, car.rear_stiffness] if tyres is None else [float(t.stiffness) for t in tyres]
@@ -98,20 +116,32 @@ def slip_angle_plant(
     if tyres is not None:
         options["F"] = Polynomial(names, {(1, 0): K})
         options["nonlinearity"] = _tyre_remainders(tyres, slip_limit)
-    # |d(1/vx)/dt| = |ax| / vx^2
+    if force_offset is not None:
+        options |= {"E": Polynomial(names, {(1, 0): K}), "disturbance_bound": (force_offset, force_offset)}
+    kinematic = np.array([[-1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, a + b]])
+    if output == "slip_constraint":
+        options["D"] = Polynomial(names, {zero: kinematic[0], (1, 0): kinematic[1]})
+    if noise is not None:
+        options |= {"N": np.eye(3), "noise_bound": noise}
+        seen = Polynomial(names, {zero: -kinematic[0], (1, 0): -kinematic[1]})
+        options["G"] = seen if output == "slip_difference" else np.zeros((1, 3))
+    uncertain, A = _axle_stiffness(K, C0, stiffness, names)
+    speed_factor, acceleration_factor = _factors(scale_error)
+    # d(1/vx)/dt = -ax / vx^2
     rate = max(abs(brake), abs(drive)) / slow**2
     return System.lpv(
-        Polynomial(names, {(1, 0): K * C0, (1, 1): -np.eye(2)}),
+        A + Polynomial(names, {(1, 1): -np.eye(2)}),
         Polynomial(names, {zero: steer_in, (1, 1): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])}),
         [[1.0, -1.0]],
         parameters=[
-            Parameter("inverse_speed", 1 / fast, 1 / slow, "s/m", rate=rate),
-            Parameter("acceleration", brake, drive, "m/s^2", rate=jerk),
+            Parameter("inverse_speed", 1 / fast, 1 / slow, "s/m", rate=rate, factor=speed_factor, rate_law=_SPEED_LAW),
+            Parameter("acceleration", brake, drive, "m/s^2", rate=jerk, factor=acceleration_factor),
+            *uncertain,
         ],
         states=("front_slip", "rear_slip"),
         inputs=("steering", "steering_rate", "yaw_rate"),
-        outputs=("slip_difference",),
-        units=_SLIP_UNITS,
+        outputs=(output,),
+        units={output: "rad", **_SLIP_UNITS, **{p.name: "N/rad" for p in uncertain}},
         name=f"slip angles of {car.name}",
         **options,
     )
@@ -200,6 +230,31 @@ def _tyre_remainders(tyres: tuple[Tyre, Tyre], slip_limit: float | None) -> Nonl
 
     domain = None if slip_limit is None else (np.full(2, -slip_limit), np.full(2, slip_limit))
     return Nonlinearity.bounded(remainders, np.eye(2), size=2, jacobian=(lower, upper), domain=domain)
+
+
+def _axle_stiffness(
+    K: np.ndarray, C0: list[float], stiffness: tuple[tuple[float, float], tuple[float, float]] | None, names: Any
+) -> tuple[list[Parameter], Polynomial]:
+    """Unmeasured parameters and s K diag(Cf, Cr) over them."""
+    if stiffness is None:
+        return [], Polynomial(names, {(1, 0): K * C0})
+    axles = ("front_stiffness", "rear_stiffness")
+    ends = [_interval(n, i, "N/rad", positive=True) for n, i in zip(axles, stiffness, strict=True)]
+    columns = {(1, 0, 1, 0): K * [1.0, 0.0], (1, 0, 0, 1): K * [0.0, 1.0]}
+    parameters = [
+        Parameter(n, lower, upper, "N/rad", measured=False) for n, (lower, upper) in zip(axles, ends, strict=True)
+    ]
+    return parameters, Polynomial((*names, *axles), columns)
+
+
+def _factors(scale_error: Any) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Intervals of measured / true of 1/vx and of ax."""
+    if scale_error is None:
+        return (1.0, 1.0), (1.0, 1.0)
+    (e1, E1), (e2, E2) = scale_error
+    if not (-1 < e1 <= 0 <= E1 and -1 < e2 <= 0 <= E2):
+        raise BadInput(f"`scale_error` is {scale_error}; intervals around zero with ends above -1 are needed.")
+    return (1 / (1 + E1), 1 / (1 + e1)), (1 + e2, 1 + E2)
 
 
 def _interval(name: str, ends: tuple[float, float], unit: str, positive: bool = False) -> tuple[float, float]:
