@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from luenberger.algebra import Polynomial
+from luenberger.core import BadInput
 from luenberger.lmi import decay_storage, l2_storage, rounded_storage
 from luenberger.systems import System
 
@@ -33,5 +34,5 @@ def test_rounding_keeps_short_binary_numbers() -> None:
 
 def test_unstable_error_has_no_storage() -> None:
     assert decay_storage(PLANT.replace(A=[[0.0, 1.0], [2.0, 0.0]]), NO_GAIN, 0.0) is None
-    with pytest.raises(KeyError):
+    with pytest.raises(BadInput, match="has no input"):
         l2_storage(PLANT, NO_GAIN, np.eye(2), "wind")

@@ -8,8 +8,10 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
-from luenberger.lmi import Bernstein, Block, Problem, Relaxation, rounded_storage
+from luenberger.lmi import Bernstein, Block, Problem, Relaxation, infeasible, nearest_level, rounded_storage
+from luenberger.lmi.storage import storage_value
 from luenberger.methods.method import (
+    NEGLIGIBLE,
     Candidate,
     gain_blocks,
     gain_bound,
@@ -19,6 +21,7 @@ from luenberger.methods.method import (
     smallest_gain,
     statistics,
 )
+from luenberger.methods.scheduled_storage import EPSILONS, Posed, posed, require_rates, smallest_moving
 from luenberger.systems import System
 from luenberger.systems.jacobian_box import as_floats, error_box, jacobian
 from luenberger.systems.observability import require_detectable
@@ -32,11 +35,14 @@ class PolytopicLuenberger:
     scheduling is measured with error (use a robust design).
 
     Assumes: e' = (A(r) - L(r) C(r) + F(r) J H) e with r in its box, arbitrarily fast, J in the Jacobian box.
-    Certifies: e' P e falls at least like exp(-2 decay_rate t), and |L(r)| <= the reported bound.
+    Certifies: e' P e falls at least like exp(-2 decay_rate t), and |L(r)| <= the reported bound; with storage "scheduled"
+    P depends on r, and the claim rests on the rates of the scheduling.
 
     Args:
         decay_rate: wanted decay of the error norm [1/s], >= 0.
         schedule: "plant" gives L(r) the monomials of A and C, "constant" one gain for the whole box.
+        storage: "constant" holds for arbitrarily fast scheduling; "scheduled" gives P the monomials of A whose rates are
+            bounded (`Parameter.rate`, `rate_law`), and reaches decay rates that no constant P can show.
         relaxation: how polynomial inequalities become matrix inequalities; exact for multi-affine plants.
 
     Reference: Y. Wang, dissertation 2014, inequality (3.27), which alone is met by L = 0 on this plant and selects
@@ -53,6 +59,7 @@ class PolytopicLuenberger:
 
     decay_rate: float = 0.0
     schedule: Literal["plant", "constant"] = "plant"
+    storage: Literal["constant", "scheduled"] = "constant"
     relaxation: Relaxation = field(default_factory=Bernstein)
 
     references: ClassVar[tuple[str, ...]] = (
@@ -65,9 +72,13 @@ class PolytopicLuenberger:
         require_continuous(system)
         require_polynomial(system)
         require_detectable(system, self.decay_rate)
+        if self.storage == "scheduled":
+            require_rates(system)
 
     def design(self, system: System) -> Candidate:
         """Minimise the gain bound; see `Method`."""
+        if self.storage == "scheduled":
+            return self._moving(system)
         problem, Y = self._posed(system)
         found = smallest_gain(problem, lambda rate: replace(self, decay_rate=rate)._posed(system)[0], self.decay_rate)
         storage = rounded_storage(found.values["P"])
@@ -77,6 +88,26 @@ class PolytopicLuenberger:
             return [Claim("decay", self.decay_rate, storage), gain_bound(rounded, system.scheduling_box)]
 
         return Candidate(gain, claims, statistics(found))
+
+    def _moving(self, system: System) -> Candidate:
+        like = [] if self.schedule == "constant" else [as_floats(system.A), as_floats(system.C)]
+
+        def pose(rate: float, epsilon: float) -> Posed:
+            return posed(system, rate, like, self.relaxation, epsilon)
+
+        found = smallest_moving(lambda epsilon: pose(self.decay_rate, epsilon))
+        if found is None:
+            easy = smallest_moving(lambda epsilon: pose(0.0, epsilon))
+            epsilon = EPSILONS[0] if easy is None else easy[0].epsilon
+            nearest = nearest_level(lambda rate: pose(rate, epsilon).problem, 0.0, self.decay_rate, floor=NEGLIGIBLE)
+            raise infeasible(pose(self.decay_rate, epsilon).problem, "decay_rate", self.decay_rate, "1/s", nearest)
+        problem, solution = found
+        storage = storage_value(problem.storage)
+
+        def claims(rounded: Polynomial) -> list[Claim]:
+            return [Claim("decay", self.decay_rate, storage), gain_bound(rounded, system.scheduling_box)]
+
+        return Candidate(problem.gain(), claims, statistics(solution))
 
     def _posed(self, system: System) -> tuple[Problem, Polynomial]:
         A, C = as_floats(system.A), as_floats(system.C)
