@@ -50,7 +50,7 @@ def slip_angle_plant(
     jerk: float | None = None,
     disturbance: bool = False,
     stiffness: tuple[tuple[float, float], tuple[float, float]] | None = None,
-    force_offset: float | None = None,
+    force_offset: float | tuple[float, float] | None = None,
     noise: tuple[float, float, float] | None = None,
     scale_error: tuple[tuple[float, float], tuple[float, float]] | None = None,
     output: Literal["slip_difference", "slip_constraint"] = "slip_difference",
@@ -81,7 +81,8 @@ def slip_angle_plant(
         disturbance: add E for an unknown lateral force [N] and yaw torque [N m].
         stiffness: intervals of Cf and Cr [N/rad], which become the unmeasured parameters front_stiffness and
             rear_stiffness; left out: the numbers of the car.
-        force_offset: bound [N] of the part of either axle force that is not stiffness times slip angle; adds E.
+        force_offset: bound [N] of the part of either axle force that is not stiffness times slip angle, or one for
+            each axle; adds E.
         noise: bounds of the errors of steering [rad], steering rate [rad/s] and yaw rate [rad/s]; all three enter
             the inputs and, through y, the output.
         scale_error: intervals of e1, e2 where the speed is read as (1 + e1) vx and its derivative as (1 + e2) ax.
@@ -117,7 +118,8 @@ def slip_angle_plant(
         options["F"] = Polynomial(names, {(1, 0): K})
         options["nonlinearity"] = _tyre_remainders(tyres, slip_limit)
     if force_offset is not None:
-        options |= {"E": Polynomial(names, {(1, 0): K}), "disturbance_bound": (force_offset, force_offset)}
+        offsets = force_offset if isinstance(force_offset, tuple) else (force_offset, force_offset)
+        options |= {"E": Polynomial(names, {(1, 0): K}), "disturbance_bound": offsets}
     kinematic = np.array([[-1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, a + b]])
     if output == "slip_constraint":
         options["D"] = Polynomial(names, {zero: kinematic[0], (1, 0): kinematic[1]})
