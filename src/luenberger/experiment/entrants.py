@@ -4,7 +4,7 @@ Every entrant has the same freedom where a file asks for tuning: the stiffness i
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -20,6 +20,7 @@ from luenberger.methods.kalman_gain import KalmanGain
 from luenberger.methods.polytopic import PolytopicLuenberger
 from luenberger.observers import AlgebraicEstimate, ExtendedKalmanFilter, Observer, UnscentedKalmanFilter, zero_estimate
 from luenberger.replay import Channels
+from luenberger.report.tables import Table
 from luenberger.synthesize import synthesize
 from luenberger.systems.discretize import runge_kutta
 from luenberger.vehicle import (
@@ -50,12 +51,14 @@ class Setting:
         speed: trusted interval of the speed [m/s].
         acceleration: trusted interval of dvx/dt [m/s^2].
         dt: sample time [s].
+        training: part of the log that may be learned from, None where there is none.
     """
 
     car: VehicleParameters
     speed: tuple[float, float]
     acceleration: tuple[float, float]
     dt: float
+    training: Trajectory | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class Entrant:
         sideslip: takes its states, shape (nt, nx), and the trajectory, returns the sideslip [rad], shape (nt,).
         constants: channels that hold a number of the entrant, so that tuning compiles once.
         design: gain with certificate, None for filters and anchors.
+        watch: takes a log and the bounds of the sideslip, returns a table of what was assumed and how long it held.
+        notes: what was learned or chosen when the entrant was built, one sentence each.
     """
 
     observer: Observer
@@ -75,6 +80,8 @@ class Entrant:
     sideslip: Callable[[np.ndarray, Trajectory], np.ndarray]
     constants: Mapping[str, float] = field(default_factory=dict)
     design: Design | None = None
+    watch: Callable[[Trajectory, Any], Table] | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,7 +120,7 @@ def build(setting: Setting, options: Mapping[str, Any], knobs: Mapping[str, floa
             raise BadInput(f"Option `{name}` of kind `{options['kind']}` is {value!r}; a positive number is needed.")
     tuned = dict(knobs or {})
     stiffness = {k: tuned.pop(k) for k in ("front_stiffness", "rear_stiffness") if k in tuned}
-    believed = Setting(setting.car.with_values("", **stiffness), setting.speed, setting.acceleration, setting.dt)
+    believed = replace(setting, car=setting.car.with_values("", **stiffness))
     return kind.build(believed, {**kind.options, **given, **tuned})
 
 

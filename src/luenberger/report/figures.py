@@ -177,6 +177,7 @@ def comparison_figures(
     truth_name: str = "truth",
     errors: Mapping[str, float] | None = None,
     seconds: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> tuple[Figure, ...]:
     """Return the figures of a comparison of one quantity: estimates, error shares, bars of RMSE, computing time.
 
@@ -189,11 +190,12 @@ def comparison_figures(
         truth_name: what stands for the truth.
         errors: entrant -> RMSE in SI as scored elsewhere; by default that of all finite samples.
         seconds: entrant -> time of a step [s]; no such figure where nothing is given.
+        bounds: entrant -> guaranteed (lower, upper) in SI, drawn as bands.
     """
     differences = {n: np.asarray(e) - truth for n, e in estimates.items()}
     scored = errors or {n: float(np.sqrt(np.nanmean(np.square(d)))) for n, d in differences.items()}
     made = [
-        estimate_figure(time, truth, estimates, name=name, unit=unit, truth_name=truth_name),
+        estimate_figure(time, truth, estimates, name=name, unit=unit, truth_name=truth_name, bounds=bounds),
         error_bars(scored, name=f"RMSE of the {name}", unit=unit),
         error_shares(differences, name=name, unit=unit),
     ]

@@ -41,6 +41,7 @@ class Page:
         scores: one row an entrant, its name in the first column.
         figures: plots; each stands in the section of its kind.
         citations: papers and sources, one string each.
+        tables: further tables below the scores, e.g. how long each assumption held.
         provenance: what to name when asked where a number comes from, e.g. version, log, sha256 of the log.
     """
 
@@ -52,6 +53,7 @@ class Page:
     figures: Sequence[Figure]
     citations: Sequence[str] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
+    tables: Sequence[Table] = ()
 
     def write(self, path: str | Path) -> Path:
         """Write the page as one file and return its path.
@@ -81,6 +83,7 @@ class Page:
             page=self,
             paragraphs=[p for p in self.summary.split("\n\n") if p.strip()],
             scores=Markup(self.scores.as_html(colours)),
+            tables=[Markup(table.as_html()) for table in self.tables],
             certified=[_certified(name, design, colours.get(name)) for name, design in self.designs.items()],
             unclaimed=[str(row[0]) for row in self.scores.rows if str(row[0]) not in self.designs],
             drawn={kind: [(f, places[f]) for f in self.figures if f.kind == kind] for kind in get_args(Kind)},
