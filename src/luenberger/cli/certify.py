@@ -1,13 +1,11 @@
 """`luenberger certify`: prove a saved design again, without a solver."""
 
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from luenberger.certify import Certificate, Proof, prove
-from luenberger.certify.certificate import assumptions
+from luenberger.certify import certify
 from luenberger.cli.output import out, print_json, progress_bar, sentence
 from luenberger.core import Outcome
 from luenberger.design import Design
@@ -28,16 +26,9 @@ def command(
     Example: luenberger certify results/slip_angle_slalom/lpv_observer.json
     """
     loaded = Design.load(design)
-    proofs: list[Proof] = []
-    seconds: list[float] = []
-    claims = loaded.certificate.claims
     with progress_bar(quiet) as progress:
-        for k, claim in enumerate(claims):
-            progress(f"proving {claim.kind}", k / len(claims))
-            start = time.perf_counter()
-            proofs.append(prove(loaded.system, loaded.gain, claim))
-            seconds.append(time.perf_counter() - start)
-    certificate = Certificate(tuple(proofs), assumptions(loaded.system), sum(seconds))
+        certificate = certify(loaded, progress)
+    seconds = [proof.seconds for proof in certificate.proofs]
     if as_json:
         parts = certificate.as_text()
         parts["proofs"] = [{**p, "seconds": s} for p, s in zip(parts["proofs"], seconds, strict=True)]
@@ -49,7 +40,9 @@ def command(
         for line in certificate.assumptions:
             sentence(f"- {line}")
         sentence(
-            f"{certificate.outcome.value}: {certificate.outcome.sentence}" if proofs else "The file claims nothing."
+            f"{certificate.outcome.value}: {certificate.outcome.sentence}"
+            if certificate.proofs
+            else "The file claims nothing."
         )
     if certificate.outcome is not Outcome.PROVED:
         raise typer.Exit(1)
