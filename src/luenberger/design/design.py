@@ -15,6 +15,7 @@ from luenberger.core import BadInput
 from luenberger.core.checks import known_keys
 from luenberger.design.system_text import system_as_text, system_from_text
 from luenberger.observers import CorrectionObserver
+from luenberger.observers.interval import IntervalObserver
 from luenberger.systems import System
 
 FORMAT = "luenberger design 1"
@@ -45,13 +46,19 @@ class Design:
     statistics: Mapping[str, Any] = field(default_factory=dict)
     model: System | None = None
 
-    def observer(self, dt: float, **options: Any) -> CorrectionObserver:
+    def observer(self, dt: float, **options: Any) -> CorrectionObserver | IntervalObserver:
         """Return the running observer with sample time dt [s].
+
+        A design that claims containment runs as an interval observer in the coordinates of that claim, one with a model of
+        its own as a copy of that model, any other as a copy of the plant.
 
         Args:
             dt: sample time [s]; a discrete design needs its own.
-            options: see `CorrectionObserver`.
+            options: see `CorrectionObserver` or `IntervalObserver`.
         """
+        enclosing = next((c for c in self.certificate.claims if c.kind == "containment"), None)
+        if enclosing is not None:
+            return IntervalObserver(self.system, self.gain, dt, transform=enclosing.transform, **options)
         return CorrectionObserver(self.system if self.model is None else self.model, self.gain, dt, **options)
 
     def certify(self) -> Certificate:
