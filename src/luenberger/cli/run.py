@@ -24,7 +24,8 @@ def command(
     if as_json:
         print_json(result.as_json())
         return
-    out.print(result.table.as_rich())
+    for table in (result.table, *result.watched):
+        out.print(table.as_rich())
     sentence(result.summary)
     # A path broken in two lines can be neither clicked nor copied.
     out.print(f"Page: {result.page}", soft_wrap=True, markup=False, highlight=False)

@@ -4,7 +4,7 @@ Every entrant has the same freedom where a file asks for tuning: the stiffness i
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -15,12 +15,14 @@ from scipy.signal import lfilter
 
 from luenberger.core import BadInput, Trajectory
 from luenberger.core.checks import known_keys, nearest
-from luenberger.design import Design
+from luenberger.experiment.entrant import Entrant, Kind, Setting
+from luenberger.experiment.envelope import OPTIONS, envelope
+from luenberger.methods.interval import IntervalLuenberger
 from luenberger.methods.kalman_gain import KalmanGain
+from luenberger.methods.method import Method
 from luenberger.methods.polytopic import PolytopicLuenberger
-from luenberger.observers import AlgebraicEstimate, ExtendedKalmanFilter, Observer, UnscentedKalmanFilter, zero_estimate
+from luenberger.observers import AlgebraicEstimate, ExtendedKalmanFilter, UnscentedKalmanFilter, zero_estimate
 from luenberger.replay import Channels
-from luenberger.report.tables import Table
 from luenberger.synthesize import synthesize
 from luenberger.systems.discretize import runge_kutta
 from luenberger.vehicle import (
@@ -40,65 +42,6 @@ from luenberger.vehicle import (
 # Measurement noise every filter assumes [rad/s, m/s^2]: a production yaw-rate sensor and a vibrating accelerometer.
 SENSOR_DEVIATION = (0.01, 0.5)
 TYRE: tuple[str, ...] = ("front_stiffness", "rear_stiffness", "friction")
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What every builder is told.
-
-    Args:
-        car: parameter set with the stiffness believed in.
-        speed: trusted interval of the speed [m/s].
-        acceleration: trusted interval of dvx/dt [m/s^2].
-        dt: sample time [s].
-        training: part of the log that may be learned from, None where there is none.
-    """
-
-    car: VehicleParameters
-    speed: tuple[float, float]
-    acceleration: tuple[float, float]
-    dt: float
-    training: Trajectory | None = None
-
-
-@dataclass(frozen=True)
-class Entrant:
-    """A built entrant.
-
-    Args:
-        observer: what runs.
-        channels: what it reads.
-        sideslip: takes its states, shape (nt, nx), and the trajectory, returns the sideslip [rad], shape (nt,).
-        constants: channels that hold a number of the entrant, so that tuning compiles once.
-        design: gain with certificate, None for filters and anchors.
-        watch: takes a log and the bounds of the sideslip, returns a table of what was assumed and how long it held.
-        notes: what was learned or chosen when the entrant was built, one sentence each.
-    """
-
-    observer: Observer
-    channels: Channels
-    sideslip: Callable[[np.ndarray, Trajectory], np.ndarray]
-    constants: Mapping[str, float] = field(default_factory=dict)
-    design: Design | None = None
-    watch: Callable[[Trajectory, Any], Table] | None = None
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Kind:
-    """One kind of entrant.
-
-    Args:
-        build: setting and options -> entrant.
-        options: name -> default; all positive numbers.
-        knobs: what tuning may change, stiffness first.
-        sentence: what it is, for tables.
-    """
-
-    build: Callable[[Setting, Mapping[str, float]], Entrant]
-    options: Mapping[str, float]
-    knobs: tuple[str, ...]
-    sentence: str
 
 
 def build(setting: Setting, options: Mapping[str, Any], knobs: Mapping[str, float] | None = None) -> Entrant:
@@ -258,6 +201,10 @@ def _from_lateral_speed(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
     return np.asarray(sideslip_from_lateral_speed(x[:, 0], trajectory["speed"].values))
 
 
+def _interval_method(objective: str) -> Callable[[Setting], Method]:
+    return lambda setting: IntervalLuenberger(objective="mismatch" if objective == "mismatch" else "residual")
+
+
 _STIFFNESS = ("front_stiffness", "rear_stiffness")
 KINDS: Mapping[str, Kind] = {
     "zero": Kind(_zero, {}, (), "sideslip is zero"),
@@ -290,6 +237,18 @@ KINDS: Mapping[str, Kind] = {
         {"process_density": 1.0},
         (*_STIFFNESS, "process_density"),
         "certified LPV Kalman gain from yaw rate and lateral acceleration",
+    ),
+    "interval": Kind(
+        envelope(_interval_method("mismatch")),
+        OPTIONS,
+        (),
+        "interval observer with proved containment, gain by the stiffness-weighted L2 bound of the width",
+    ),
+    "interval_residual": Kind(
+        envelope(_interval_method("residual")),
+        OPTIONS,
+        (),
+        "interval observer with proved containment, gain by the L2 bound of the dissertation",
     ),
     "kalman": Kind(
         _filter(ExtendedKalmanFilter, "linear"),

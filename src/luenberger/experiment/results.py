@@ -13,7 +13,8 @@ import pandas as pd
 import luenberger
 from luenberger.core import Signal, Trajectory
 from luenberger.design import Design
-from luenberger.experiment.entrants import Entrant, kind_of
+from luenberger.experiment.entrant import Entrant
+from luenberger.experiment.entrants import kind_of
 from luenberger.experiment.specification import Specification
 from luenberger.experiment.tuning import Tuned
 from luenberger.replay import Channels, replay
@@ -41,7 +42,7 @@ class Result:
         scored: the part of the log that is scored.
         errors: name -> RMSE of the sideslip [rad].
         bounds: name -> guaranteed (lower, upper) sideslip [rad] over `scored`, for entrants that give them.
-        watched: tables of what was assumed and how long it held, for entrants that are watched.
+        watched: how the bounds did, what was assumed and how long it held; empty without bounds.
     """
 
     title: str
@@ -135,11 +136,12 @@ def _table(
 ) -> Table:
     truth = np.rad2deg(log["sideslip"].values)
     kept = log.time >= log.time[0] + spec.skip
+    tuned_any = any(tuned.knobs for tuned in knobs.values())
     rows = []
     for name, entrant in sorted(entrants.items(), key=lambda pair: errors[pair[0]]):
         error = (np.rad2deg(run.sideslip[name]) - truth)[kept]
         proved = "" if entrant.design is None else entrant.design.certificate.outcome.value
-        before = [] if not knobs else [float(np.rad2deg(knobs[name].cost))]
+        before = [] if not tuned_any else [float(np.rad2deg(knobs[name].cost))]
         rows.append(
             [
                 name,
@@ -147,19 +149,17 @@ def _table(
                 float(np.rad2deg(errors[name])),
                 float(np.abs(error).max()),
                 float(error.mean()),
-                *_enclosure_cells(run.bounds, name, truth, kept),
                 1e6 * run.seconds[name],
                 proved,
             ]
         )
-    first = ["tuning [deg]"] if knobs else []
+    first = ["tuning [deg]"] if tuned_any else []
     columns = [
         "entrant",
         *first,
         "RMSE [deg]",
         "max [deg]",
         "bias [deg]",
-        *(["contained [%]", "mean width [deg]"] if run.bounds else []),
         "step [us]",
         "certificate",
     ]
@@ -167,7 +167,7 @@ def _table(
         "RMSE, largest error and mean error (bias) of the sideslip over the scored samples; computing time of one step."
     ]
     notes += [f"{name}: {kind_of(options).sentence}." for name, options in spec.entrants.items()]
-    if knobs:
+    if tuned_any:
         counts = ", ".join(f"{name} {len(t.knobs)} knobs {t.evaluations} replays" for name, t in knobs.items())
         notes.append(f"Tuned on the first {spec.fit_share:.0%} of the log alone, scored on the rest. Effort: {counts}.")
         for name, tuned in knobs.items():
@@ -176,22 +176,27 @@ def _table(
     return Table(columns, rows, notes, "Sideslip")
 
 
-def _enclosure_cells(bounds: Bounds, name: str, truth: np.ndarray, kept: np.ndarray) -> list[float | None]:
-    """Share of the truth inside the bounds [%] and their mean width [deg]; nothing for entrants without bounds."""
-    if not bounds:
-        return []
-    if name not in bounds:
-        return [None, None]
-    lower, upper = (np.rad2deg(end) for end in bounds[name])
-    inside = (lower <= truth) & (truth <= upper)
-    return [100 * float(inside[kept].mean()), float((upper - lower)[kept].mean())]
+def _bounds_table(spec: Specification, log: Trajectory, bounds: Bounds) -> Table:
+    """Containment, mean width and the largest escape of every guaranteed envelope."""
+    kept = log.time >= log.time[0] + spec.skip
+    truth = np.rad2deg(log["sideslip"].values)[kept]
+    rows = []
+    for name, ends in bounds.items():
+        lower, upper = (np.rad2deg(end)[kept] for end in ends)
+        escape = np.maximum(np.maximum(lower - truth, truth - upper), 0.0)
+        inside, width = 100 * float((escape == 0).mean()), float((upper - lower).mean())
+        rows.append([name, inside, width, float(escape.max())])
+    notes = [
+        "Share of samples with the truth inside the bounds, mean distance of the bounds, and how far the truth got out."
+    ]
+    return Table(["entrant", "inside [%]", "width [deg]", "escape [deg]"], rows, notes, "Guaranteed bounds")
 
 
-def _summary(spec: Specification, errors: Mapping[str, float]) -> str:
-    """Say where our observers stand, best first, whoever wins."""
+def _summary(spec: Specification, errors: Mapping[str, float], enclosed: Sequence[Table]) -> str:
+    """Say where our observers stand, best first, whoever wins, and how the guaranteed bounds did."""
     degrees = {n: float(np.rad2deg(e)) for n, e in sorted(errors.items(), key=lambda pair: pair[1])}
     best = next(iter(degrees))
-    ours = [n for n in degrees if str(spec.entrants[n]["kind"]).startswith("lpv")]
+    ours = [n for n in degrees if str(spec.entrants[n]["kind"]).startswith(("lpv", "interval"))]
     others = [n for n in degrees if n not in ours]
     lines = [f"Best of all: {best} with {degrees[best]:.3f} deg RMSE."]
     if ours and others:
@@ -201,6 +206,11 @@ def _summary(spec: Specification, errors: Mapping[str, float]) -> str:
         lines.append(
             f"Our best certified observer, {one}, reaches {degrees[one]:.3f} deg, {verdict} the best of the others, {other}."
         )
+    for table in enclosed:
+        for name, inside, width, _ in table.rows:
+            lines.append(
+                f"The envelope of {name} holds the truth for {inside:.2f} % of the samples, {width:.2f} deg wide on average."
+            )
     return " ".join(lines)
 
 
@@ -225,7 +235,8 @@ def written(
         knobs: name -> what tuning found.
     """
     errors = {name: rmse(run.sideslip[name], log, spec.skip) for name in entrants}
-    table, summary = _table(spec, entrants, log, run, errors, knobs), _summary(spec, errors)
+    enclosed = [_bounds_table(spec, log, run.bounds)] if run.bounds else []
+    table, summary = _table(spec, entrants, log, run, errors, knobs), _summary(spec, errors, enclosed)
     folder.mkdir(parents=True, exist_ok=True)
     designs = {name: e.design for name, e in entrants.items() if e.design is not None}
     files = []
@@ -236,7 +247,7 @@ def written(
     columns = {"time": log.time, "truth": log["sideslip"].values, **run.sideslip, **ends}
     files.append(folder / "sideslip.csv")
     pd.DataFrame(columns).to_csv(files[-1], index=False, float_format="%.9g")
-    watched = [e.watch(log, run.bounds.get(n)) for n, e in entrants.items() if e.watch is not None]
+    watched = enclosed + [e.watch(n, log, run.bounds.get(n)) for n, e in entrants.items() if e.watch is not None]
     page = Page(
         title=spec.title,
         summary=summary,
@@ -258,8 +269,7 @@ def written(
         citations=citations(designs.values(), [spec.attribution] if spec.attribution else []),
         provenance={
             "luenberger": luenberger.__version__,
-            "log": spec.path.name,
-            "sha256 of the log": hashlib.sha256(spec.path.read_bytes()).hexdigest(),
+            **_origin(spec),
         },
     )
     files.append(folder / "report.html")
@@ -267,6 +277,12 @@ def written(
     return Result(
         spec.title, summary, table, files[-1], tuple(files), entrants, run.sideslip, log, errors, run.bounds, watched
     )
+
+
+def _origin(spec: Specification) -> dict[str, str]:
+    if spec.path is None:
+        return {"simulated drive": spec.drive}
+    return {"log": spec.path.name, "sha256 of the log": hashlib.sha256(spec.path.read_bytes()).hexdigest()}
 
 
 def _assumptions(
@@ -278,9 +294,7 @@ def _assumptions(
         *spec.notes,
         *(f"{name}: {line}" for name, entrant in entrants.items() for line in entrant.notes),
         *(f"{n}: {line}" for n, e in entrants.items() if e.design is not None for line in _broken(e.design, log)),
-        f"White noise was added to the log: {noise} (standard deviations, SI)."
-        if noise
-        else "The log was replayed as it is.",
+        f"White noise was added to the log: {noise} (standard deviations, SI)." if noise else "No noise was added.",
         f"The car is {car.name}: {numbers}.",
     ]
 

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from luenberger.core import Signal, Trajectory
-from luenberger.experiment.entrants import Entrant, Setting, build, kind_of
+from luenberger.experiment.drives import simulated_drive
+from luenberger.experiment.entrant import Entrant, Setting
+from luenberger.experiment.entrants import build, kind_of
 from luenberger.experiment.results import Result, replayed, rmse, written
 from luenberger.experiment.specification import Specification, read_specification
 from luenberger.experiment.tuning import Tuned, tune
@@ -63,9 +65,13 @@ def _car(spec: Specification) -> VehicleParameters:
     )
 
 
+def _read(spec: Specification, path: Path) -> Trajectory:
+    return read_log(path, spec.channels, time=spec.time)
+
+
 def _prepared(spec: Specification, car: VehicleParameters) -> Trajectory:
     """Read, cut, bring to a uniform step, disturb the sensors, and add the channels that plants are scheduled by."""
-    log = read_log(spec.path, spec.channels, time=spec.time)
+    log = simulated_drive(spec.drive, car, spec.sample_time) if spec.path is None else _read(spec, spec.path)
     start, stop = (
         a if a is not None else b for a, b in zip(spec.cut, (log.time[0], log.time[-1] + spec.sample_time), strict=True)
     )

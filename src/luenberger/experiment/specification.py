@@ -13,7 +13,7 @@ DATA = Path(__file__).parent / "data"
 CHANNELS = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration")
 _KEYS = {
     "the experiment": ("title", "notes", "log", "vehicle", "domain", "sensors", "score", "fit", "entrants"),
-    "[log]": ("path", "attribution", "time", "sample_time", "start", "stop", "channels"),
+    "[log]": ("path", "drive", "attribution", "time", "sample_time", "start", "stop", "channels"),
     "[vehicle]": (
         "parameters",
         "mass",
@@ -37,7 +37,8 @@ class Specification:
     Args:
         title: headline of the page.
         notes: what a reader of the results must know about this log, shown on the page.
-        path: the log, absolute.
+        path: the log, absolute; None where a drive is simulated.
+        drive: name of the simulated drive, empty where a log is read.
         attribution: where the log comes from, shown on the page.
         time: time column and unit.
         channels: our name -> column, unit, scale for `read_log`.
@@ -56,7 +57,8 @@ class Specification:
 
     title: str
     notes: tuple[str, ...]
-    path: Path
+    path: Path | None
+    drive: str
     attribution: str
     time: Mapping[str, Any]
     channels: Mapping[str, Mapping[str, Any]]
@@ -93,16 +95,15 @@ def read_specification(path: str | Path) -> Specification:
     for section in ("log", "vehicle", "domain", "sensors", "score", "fit"):
         known_keys(f"[{section}] of `{path.name}`", data.get(section, {}), _KEYS[f"[{section}]"])
     log, domain, fit = _part(data, "log", path), _part(data, "domain", path), data.get("fit")
-    channels = _part(log, "channels", path, "[log]")
-    if missing := [c for c in CHANNELS if c not in channels]:
-        raise BadInput(f"[log.channels] of `{path.name}` lacks {missing}; the experiment needs {', '.join(CHANNELS)}.")
+    drive, channels = str(log.get("drive", "")), _channels(log, path)
     sensors = dict(data.get("sensors", {}))
     return Specification(
         title=str(data.get("title", path.stem)),
         notes=tuple(map(str, data.get("notes", []))),
-        path=_log_path(str(_part(log, "path", path, "[log]")), path),
+        path=None if drive else _log_path(str(_part(log, "path", path, "[log]")), path),
+        drive=drive,
         attribution=str(log.get("attribution", "")),
-        time=_part(log, "time", path, "[log]"),
+        time={} if drive else _part(log, "time", path, "[log]"),
         channels=channels,
         sample_time=_positive(log.get("sample_time", 0.01), "sample_time", "s"),
         cut=(log.get("start"), log.get("stop")),
@@ -116,6 +117,18 @@ def read_specification(path: str | Path) -> Specification:
         evaluations=0 if fit is None else int(_positive(fit.get("evaluations", 100), "evaluations", "runs")),
         entrants=_part(data, "entrants", path),
     )
+
+
+def _channels(log: Mapping[str, Any], path: Path) -> Mapping[str, Mapping[str, Any]]:
+    """Channels of a log; a simulated drive has the right ones and takes none of what a log needs."""
+    if "drive" in log:
+        if spare := [k for k in ("path", "time", "channels") if k in log]:
+            raise BadInput(f"[log] of `{path.name}` names a simulated drive and {spare}; leave out one or the other.")
+        return {}
+    channels = _part(log, "channels", path, "[log]")
+    if missing := [c for c in CHANNELS if c not in channels]:
+        raise BadInput(f"[log.channels] of `{path.name}` lacks {missing}; the experiment needs {', '.join(CHANNELS)}.")
+    return channels
 
 
 def _part(data: Mapping[str, Any], key: str, path: Path, where: str = "The file") -> Any:

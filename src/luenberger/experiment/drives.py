@@ -1,0 +1,110 @@
+"""Drives of the double track that stand where a log would: the truth of an experiment that nobody tuned to the observers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from luenberger.core import BadInput, Signal, Trajectory
+from luenberger.core.checks import nearest
+from luenberger.simulate import TruthModel, simulate
+from luenberger.vehicle import VehicleParameters
+from luenberger.vehicle.double_track import DoubleTrack
+from luenberger.vehicle.double_track_parameters import DoubleTrackParameters
+from luenberger.vehicle.manoeuvres import Manoeuvre, braking_lane_changes, fishhook, sine_with_dwell, slalom, step_steer
+from luenberger.vehicle.road import Road
+
+# Rate at which the driver closes a gap to the wanted speed [1/s].
+SPEED_HOLD = 2.0
+# The second lane lies to the left; with these factors the stiffness of the dissertation's car spans the box of (4.45).
+LANE_EDGE, STIFF, SOFT = 1.75, 1.1, 0.9
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A manoeuvre on a road.
+
+    Args:
+        manoeuvre: steering and speed over time.
+        road: what lies under the wheels.
+        sentence: what it is, for tables.
+    """
+
+    manoeuvre: Manoeuvre
+    road: Road
+    sentence: str
+
+
+def _dry() -> Road:
+    return Road.uniform(0.85)
+
+
+DRIVES: Mapping[str, Callable[[], Drive]] = {
+    "lane_changes": lambda: Drive(braking_lane_changes(), _dry(), "two lane changes, 78 to 23 km/h, even road"),
+    "two_lanes": lambda: Drive(
+        braking_lane_changes(),
+        Road.lanes([LANE_EDGE], [0.85, 0.85], [STIFF, SOFT]),
+        "two lane changes, 78 to 23 km/h, between a lane of stiff and one of soft tyres",
+    ),
+    "slalom": lambda: Drive(slalom(0.03, 20.0), _dry(), "slalom at 72 km/h"),
+    "step_steer": lambda: Drive(step_steer(0.04, 25.0), _dry(), "step steer at 90 km/h"),
+    "fishhook": lambda: Drive(fishhook(0.06, 20.0), _dry(), "fishhook at 72 km/h"),
+    "sine_with_dwell": lambda: Drive(sine_with_dwell(0.05, 80 / 3.6), _dry(), "sine with dwell at 80 km/h"),
+}
+
+
+def simulated_drive(name: str, car: VehicleParameters, sample_time: float) -> Trajectory:
+    """Simulate a drive of the double track and return the channels an experiment reads.
+
+    Args:
+        name: key of `DRIVES`.
+        car: gives mass, inertia, axle distances and the stiffness of the tyres at their static load.
+        sample_time: step of the samples [s].
+
+    Returns:
+        speed, lateral_speed, yaw_rate, steering, lateral_acceleration, and the axle forces front_force, rear_force.
+
+    Raises:
+        BadInput: unknown drive; the nearest known one is named.
+    """
+    if name not in DRIVES:
+        raise BadInput(f"There is no drive `{name}`.{nearest(name, DRIVES)}")
+    drive = DRIVES[name]()
+    manoeuvre = drive.manoeuvre
+    model = DoubleTrack(DoubleTrackParameters.of(car), drive.road)
+    held = _speed_held(model)
+    start = model.start(float(manoeuvre.speed(0.0)))
+    time = np.arange(0.0, manoeuvre.duration + 0.5 * sample_time, sample_time)
+    run = simulate(
+        held,
+        time=time,
+        x0=np.asarray(start),
+        u=lambda t: jnp.stack([manoeuvre.steering(t), manoeuvre.acceleration(t), manoeuvre.speed(t)]),
+        jump_times=np.unique(np.asarray(manoeuvre.jump_times)),
+        rtol=1e-8,
+        atol=1e-10,
+        name=drive.sentence,
+    )
+    channels = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration", "front_force", "rear_force")
+    signals = [Signal(c, run[c].unit, run[c].values, f"double track, {run[c].description}") for c in channels]
+    return Trajectory(run.time, signals, name, drive.sentence)
+
+
+def _speed_held(model: DoubleTrack) -> TruthModel:
+    """The car with a driver who adds what the wanted speed lacks to the acceleration asked for."""
+
+    def demands(x: Any, u: Any) -> jax.Array:
+        return jnp.stack([u[0], u[1] + SPEED_HOLD * (u[2] - x[model.states.index("speed")])])
+
+    return TruthModel(
+        lambda t, x, u, r: model.dynamics(t, x, demands(x, u), r),
+        lambda t, x, u, r: model.output(t, x, demands(x, u), r),
+        states=model.states,
+        inputs=("steering_demand", "acceleration_demand", "wanted_speed"),
+        outputs=model.outputs,
+        units={**model.units, "wanted_speed": "m/s"},
+        name=model.name,
+    )
