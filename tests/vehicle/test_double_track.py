@@ -71,6 +71,24 @@ def test_forces_stay_in_the_friction_circle_of_each_wheel() -> None:
     np.testing.assert_allclose(np.hypot(wheels.forward, wheels.sideward), used, rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.parametrize("along", ["x", "y"])
+def test_wheels_move_and_stand_where_complex_numbers_say(along: str) -> None:
+    a, b, f, r = 0.948, 1.422, WANG.front_track / 2, WANG.rear_track / 2
+    place = np.array([a + 1j * f, a - 1j * f, -b + 1j * r, -b - 1j * r])
+    split = DoubleTrack(WANG, Road.lanes([0.0], [0.2, 0.8], along=along, transition=8.0))
+    for x in states(6, 20) * np.array([0.05, 0.2, *[1] * 12]):
+        steer = np.array([x[8], x[8], 0, 0])
+        velocity = (x[3] + 1j * x[4] + 1j * x[5] * place) * np.exp(-1j * steer)
+        wheels = split.wheels(jnp.asarray(x), jnp.array([0.0, -50.0]))
+        rolling = np.maximum(np.abs(velocity.real), 0.5)
+        np.testing.assert_allclose(wheels.slip, -np.arctan(velocity.imag / rolling), atol=1e-13)
+        np.testing.assert_allclose(wheels.rolling, rolling, rtol=1e-13)
+        # Full braking shows the friction below each wheel.
+        found = x[0] + 1j * x[1] + np.exp(1j * x[2]) * place
+        friction = np.asarray(split.road.friction(found.real, found.imag))
+        np.testing.assert_allclose(wheels.longitudinal, -0.95 * friction * np.asarray(wheels.load), rtol=1e-12)
+
+
 def test_left_and_right_are_mirror_images() -> None:
     for x in states(4, 40):
         u = np.array([0.1, -3.0])

@@ -3,6 +3,7 @@
 from luenberger.observers.anchor import AlgebraicEstimate, zero_estimate
 from luenberger.observers.correction import CorrectionObserver, substeps_needed
 from luenberger.observers.gaussian import Belief
+from luenberger.observers.interval import IntervalObserver
 from luenberger.observers.kalman import ExtendedKalmanFilter, KalmanFilter
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.unscented import UnscentedKalmanFilter
@@ -13,6 +14,7 @@ __all__ = [
     "CorrectionObserver",
     "Estimate",
     "ExtendedKalmanFilter",
+    "IntervalObserver",
     "KalmanFilter",
     "Observer",
     "UnscentedKalmanFilter",

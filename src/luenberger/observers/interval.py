@@ -12,7 +12,8 @@ from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted
 from luenberger.core.checks import finite_array
 from luenberger.observers.correction import LARGEST_STEP, MOST_SUBSTEPS, checked_gain
-from luenberger.observers.interval_drift import ORDER, Bounds, Enclosed
+from luenberger.observers.enclosed_plant import Enclosed
+from luenberger.observers.interval_drift import ORDER, Bounds
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.plant import Fixed, sample_time
 from luenberger.systems.system import System
@@ -145,8 +146,16 @@ class IntervalObserver(Observer):
         h = self.dt / self.substeps
         still = [jnp.zeros((), dtype)] * drift.ny
         bounds = Bounds([*state[0], *still], [*state[1], *still])
-        for _ in range(self.substeps):
+
+        def part(carry: Any, _: None) -> tuple[Any, None]:
+            after = drift.advance(Bounds(*carry), h, self.remainder)
+            return (after.lower, after.upper), None
+
+        # Loops keep the compiler from writing the same sub-expressions out again for every stage that uses them.
+        if self.substeps == 1:
             bounds = drift.advance(bounds, h, self.remainder)
+        else:
+            bounds = Bounds(*jax.lax.scan(part, (bounds.lower, bounds.upper), None, length=self.substeps)[0])
         nx = enclosed.system.nx
         after = jnp.stack([jnp.stack(bounds.lower[:nx]), jnp.stack(bounds.upper[:nx])])
         lower, upper = _turned(enclosed.inverse, state[0], state[1])

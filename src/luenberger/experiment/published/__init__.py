@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping
 
-from luenberger.experiment.published import relaxations, song_hedrick
+from luenberger.experiment.published import relaxations, song_hedrick, truth_models
 from luenberger.experiment.published.row import Row, Verdict
 
 Progress = Callable[[Row], None]
 SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
     "song-hedrick": song_hedrick.rows,
     "relaxations": relaxations.rows,
+    "truth-models": truth_models.rows,
 }
 
 __all__ = ["SOURCES", "Row", "Verdict"]
