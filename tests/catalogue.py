@@ -1,34 +1,38 @@
 """Methods times systems: every law in tests/laws runs over every row. A new method adds one row."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.experiment.published.flexible_joint import TRANSFORM, flexible_joint, gravity
 from luenberger.methods import (
+    IntervalLuenberger,
     KalmanGain,
     LipschitzDisturbance,
     LipschitzPareto,
     LipschitzRiccati,
     Method,
     PolytopicLuenberger,
+    RobustLuenberger,
     StructuredLipschitz,
 )
 from luenberger.systems import Nonlinearity, Parameter, System
-from luenberger.vehicle import brush_tyres, carmaker_car, ferrari_250lm, slip_angle_plant
+from luenberger.vehicle import brush_tyres, carmaker_car, ferrari_250lm, slip_angle_plant, wang_car
 
 
 @dataclass(frozen=True)
 class Row:
-    """A method on a plant; how far the initial errors of the laws reach, and the amplitude of their inputs."""
+    """A method on a plant; how far the initial errors of the laws reach, the amplitude of their inputs, observer options."""
 
     name: str
     system: Callable[[], System]
     method: Method
     reach: float = 1.0
     drive: float = 1.0
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
 
 def oscillator() -> System:
@@ -64,12 +68,46 @@ def slip_angle_car() -> System:
     return slip_angle_plant(carmaker_car, (15 / 3.6, 150 / 3.6), (-8.0, 4.0))
 
 
+def erring_car() -> System:
+    """Slip angles of the car of the dissertation, speed and acceleration read wrong, sensors noisy."""
+    return slip_angle_plant(
+        wang_car,
+        (15 / 3.6, 150 / 3.6),
+        (-8.0, 8.0),
+        noise=(1e-3, 2e-2, 5e-3),
+        scale_error=((-0.1, 0.1), (-0.2, 0.2)),
+        output="slip_constraint",
+    )
+
+
+def uncertain_car() -> System:
+    """Slip angles of the car of the dissertation with the stiffness box of (4.45), noise and a force offset."""
+    return slip_angle_plant(
+        wang_car,
+        (15 / 3.6, 150 / 3.6),
+        (-8.0, 8.0),
+        stiffness=((60e3, 90e3), (35e3, 65e3)),
+        noise=(1e-3, 2e-2, 5e-3),
+        force_offset=30.0,
+    )
+
+
+def hidden_oscillator(rate: float | None = 0.2) -> System:
+    """A measured drift beside an oscillator nobody sees, whose stiffness varies ninefold: no common quadratic storage."""
+    A = Polynomial.affine(
+        np.array([[0.5, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -0.6]]),
+        stiffness=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
+    )
+    return System.lpv(A, C=[[1.0, 0.0, 0.0]], parameters=[Parameter("stiffness", 1.0, 9.0, rate=rate)])
+
+
 def saturating_car() -> System:
     """Slip angles of the Ferrari with brush tyres, up to 0.1 rad, at 58 to 223 km/h."""
     car = ferrari_250lm.with_values(front_stiffness=73e3, rear_stiffness=115e3, friction=1.25)
     return slip_angle_plant(car, (16.0, 62.0), (-12.0, 8.0), tyres=brush_tyres(car), slip_limit=0.1)
 
 
+HALF = {"initial_half_width": (0.1, 0.1)}
 ROWS = (
     Row("polytopic, linear", oscillator, PolytopicLuenberger(decay_rate=1.0)),
     Row("polytopic, scheduled", scheduled_oscillator, PolytopicLuenberger(decay_rate=0.5)),
@@ -84,4 +122,9 @@ ROWS = (
     Row("Lipschitz, Pareto", robot, LipschitzPareto(0.5, 1 / 4.0, TRANSFORM)),
     Row("Lipschitz with disturbance", lambda: flexible_joint("motor_angle"), LipschitzDisturbance(0.1, 0.2, TRANSFORM)),
     Row("structured Lipschitz, no decay asked", robot, StructuredLipschitz()),
+    Row("polytopic, moving storage", hidden_oscillator, PolytopicLuenberger(storage="scheduled")),
+    Row("robust L2", erring_car, RobustLuenberger("l2", "scheduling+noise", schedule="constant"), reach=0.1),
+    Row("robust H2", erring_car, RobustLuenberger("h2", "scheduling+noise", schedule="constant"), reach=0.1),
+    Row("interval, residual", uncertain_car, IntervalLuenberger(), reach=0.1, options=HALF),
+    Row("interval, mismatch", uncertain_car, IntervalLuenberger("mismatch", noise=True), reach=0.1, options=HALF),
 )

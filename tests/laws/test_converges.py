@@ -3,8 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from catalogue import Row
+from luenberger.algebra import Polynomial
 from luenberger.design import Design
 from luenberger.systems.discretize import runge_kutta
 
@@ -13,11 +15,9 @@ STEP = 1e-3
 
 def frozen_errors(design: Design, row: Row, starts: int) -> tuple[np.ndarray, np.ndarray]:
     """Integrate plant and observer from random errors at random frozen scheduling, driven by a sine."""
-    generator = np.random.default_rng(0)
     system, nx = design.system, design.system.nx
-    box = np.array(list(system.scheduling_box.values())).reshape(-1, 2)
-    r = generator.uniform(box[:, 0], box[:, 1], (starts, len(box)))
-    x0 = generator.uniform(-row.reach, row.reach, (starts, nx))
+    r = scheduling(design, starts)
+    x0 = np.random.default_rng(1).uniform(-row.reach, row.reach, (starts, nx))
     names = system.scheduling_names
 
     def run(x0: jax.Array, r: jax.Array) -> jax.Array:
@@ -39,10 +39,26 @@ def frozen_errors(design: Design, row: Row, starts: int) -> tuple[np.ndarray, np
     return STEP * np.arange(6000), np.asarray(jax.jit(jax.vmap(run))(x0, r))
 
 
+def scheduling(design: Design, starts: int) -> np.ndarray:
+    box = np.array(list(design.system.scheduling_box.values())).reshape(-1, 2)
+    return np.random.default_rng(0).uniform(box[:, 0], box[:, 1], (starts, len(box)))
+
+
+def storages(design: Design, storage: object, starts: int) -> np.ndarray:
+    """The storage at every frozen scheduling: one that moves has a value of its own at each."""
+    if not isinstance(storage, Polynomial):
+        return np.broadcast_to(np.asarray(storage), (starts, *np.shape(storage)))
+    names = design.system.scheduling_names
+    points = [dict(zip(names, r, strict=True)) for r in scheduling(design, starts)]
+    return np.stack([np.asarray(storage({n: p[n] for n in storage.names})) for p in points])
+
+
 def test_storage_falls_as_claimed(design: Design, row: Row) -> None:
-    claim = next(c for c in design.certificate.claims if c.kind == "decay")
+    claim = next((c for c in design.certificate.claims if c.kind == "decay"), None)
+    if claim is None:
+        pytest.skip("an enclosure claims its width, see test_contains")
     time, errors = frozen_errors(design, row, 8)
-    V = np.einsum("sti,ij,stj->st", errors, np.asarray(claim.storage), errors)
+    V = np.einsum("sti,sij,stj->st", errors, storages(design, claim.storage, 8), errors)
     bound = V[:, :1] * np.exp(-2 * claim.level * time)
     # Runge-Kutta at 1 ms follows modes of 50 1/s to 1e-8 a second; rounding of the states leaves the absolute floor.
     assert np.all(bound * (1 + 1e-6) + 1e-18 * V.max() >= V)

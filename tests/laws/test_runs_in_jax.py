@@ -18,8 +18,8 @@ def samples(design: Design, count: int, seed: int) -> tuple[np.ndarray, np.ndarr
     return u, y, generator.uniform(box[:, 0], box[:, 1], (count, len(box)))
 
 
-def test_jit_is_the_plain_step_and_traces_once(design: Design) -> None:
-    observer = design.observer(DT)
+def test_jit_is_the_plain_step_and_traces_once(design: Design, row: Row) -> None:
+    observer = design.observer(DT, **row.options)
     traces = []
 
     @jax.jit
@@ -35,8 +35,8 @@ def test_jit_is_the_plain_step_and_traces_once(design: Design) -> None:
     assert len(traces) == 1
 
 
-def test_vmap_is_a_loop(design: Design) -> None:
-    observer = design.observer(DT)
+def test_vmap_is_a_loop(design: Design, row: Row) -> None:
+    observer = design.observer(DT, **row.options)
     u, y, r = (a[0] for a in samples(design, 1, 1))
     starts = jnp.asarray(np.random.default_rng(2).uniform(-1, 1, (4, design.system.nx)))
     batch = jax.vmap(lambda x: observer.step(observer.init(x), u, y, r)[0])(starts)
@@ -45,7 +45,7 @@ def test_vmap_is_a_loop(design: Design) -> None:
 
 
 def test_float32_stays_finite_and_close(design: Design, row: Row) -> None:
-    observer = design.observer(DT)
+    observer = design.observer(DT, **row.options)
     u, y, r = samples(design, 200, 3)
 
     def run(dtype: type) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from catalogue import hidden_oscillator
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim, prove
 from luenberger.core import Infeasible, NotAccepted, Outcome
@@ -12,19 +13,9 @@ from luenberger.lmi import Bernstein, Grid, l2_storage
 from luenberger.lmi.storage import affine_monomials
 from luenberger.methods import PolytopicLuenberger
 from luenberger.synthesize import synthesize
-from luenberger.systems import Parameter, System
 from luenberger.vehicle import slip_angle_plant, wang_car
 
 SPEED, ACCELERATION = (15 / 3.6, 150 / 3.6), (-8.0, 8.0)
-
-
-def hidden_oscillator(rate: float | None) -> System:
-    """A measured lag beside an oscillator nobody sees, whose stiffness varies ninefold: no common quadratic storage."""
-    A = Polynomial.affine(
-        np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -0.6]]),
-        stiffness=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
-    )
-    return System.lpv(A, C=[[1.0, 0.0, 0.0]], parameters=[Parameter("stiffness", 1.0, 9.0, rate=rate)])
 
 
 def test_slow_scheduling_is_proved_where_fast_scheduling_is_not() -> None:

@@ -14,8 +14,7 @@ from luenberger.certify.rational_text import polynomial_as_text, polynomial_from
 from luenberger.core import BadInput
 from luenberger.core.checks import known_keys
 from luenberger.design.system_text import system_as_text, system_from_text
-from luenberger.observers import CorrectionObserver
-from luenberger.observers.interval import IntervalObserver
+from luenberger.observers import CorrectionObserver, IntervalObserver
 from luenberger.systems import System
 
 FORMAT = "luenberger design 1"

@@ -1,5 +1,6 @@
 """One published design per file."""
 
+from luenberger.methods.interval import IntervalLuenberger
 from luenberger.methods.kalman_gain import KalmanGain
 from luenberger.methods.lipschitz_algorithm import AlgorithmReport, MarginTable, lipschitz_algorithm
 from luenberger.methods.lipschitz_bracket import EpsilonBracket, MarginBracket, largest_epsilon, margin_bracket
@@ -10,6 +11,8 @@ from luenberger.methods.lipschitz_pareto import LipschitzPareto
 from luenberger.methods.lipschitz_riccati import LipschitzRiccati
 from luenberger.methods.method import Candidate, Method
 from luenberger.methods.polytopic import PolytopicLuenberger
+from luenberger.methods.robust_bound import gamma_star
+from luenberger.methods.robust_luenberger import RobustLuenberger
 from luenberger.methods.structured_lipschitz import StructuredLipschitz
 
 METHODS: dict[str, type[Method]] = {
@@ -21,6 +24,8 @@ METHODS: dict[str, type[Method]] = {
         LipschitzPareto,
         LipschitzDisturbance,
         KalmanGain,
+        RobustLuenberger,
+        IntervalLuenberger,
     )
 }
 
@@ -29,6 +34,7 @@ __all__ = [
     "AlgorithmReport",
     "Candidate",
     "EpsilonBracket",
+    "IntervalLuenberger",
     "KalmanGain",
     "LipschitzDisturbance",
     "LipschitzPareto",
@@ -37,9 +43,11 @@ __all__ = [
     "MarginTable",
     "Method",
     "PolytopicLuenberger",
+    "RobustLuenberger",
     "StructuredLipschitz",
     "disturbance_bound",
     "disturbance_gain",
+    "gamma_star",
     "largest_epsilon",
     "least_disturbance_gain",
     "lipschitz_algorithm",

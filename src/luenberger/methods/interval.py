@@ -32,6 +32,8 @@ from luenberger.systems.error_system import beside
 BACK_OFF = 0.01
 # Bisections of the decay rate that a refusal names: a part in 128 is enough to choose another.
 _HALVINGS = 7
+# Best coordinates in which a point with room is looked for, should the very best be too close to singular.
+_CENTRED = 5
 Numbers = Sequence[Any] | np.ndarray
 
 
@@ -122,15 +124,12 @@ class IntervalLuenberger:
                 return None
             return Choice(T, best.objective, self._comparable(best.objective, T), posed)
 
-        choice, tried = candidates(self.coordinates, system, attempt)
-        found = (
-            None if choice is None else centre(choice.posed.problem(choice.level * (1 + BACK_OFF)), floor=NEGLIGIBLE)
-        )
-        if choice is None or found is None:
-            raise refusal(
-                system, [self._at(system, T) for T in tried], self.decay_rate, lambda T: self._slower(system, T)
-            )
-        return choice.posed.candidate(choice, found)
+        choices, tried = candidates(self.coordinates, system, attempt)
+        for choice in choices[:_CENTRED]:
+            found = centre(choice.posed.problem(choice.level * (1 + BACK_OFF)), floor=NEGLIGIBLE)
+            if found is not None:
+                return choice.posed.candidate(choice, found)
+        raise refusal(system, [self._at(system, T) for T in tried], self.decay_rate, lambda T: self._slower(system, T))
 
     def level_of(self, system: System, gain: Polynomial, transform: Any = None) -> float | None:
         """Return the smallest level of this objective that a given gain reaches with a diagonal storage, or None.

@@ -2,17 +2,23 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from luenberger.core import BadInput
 from luenberger.core.checks import known_keys, matrix
 from luenberger.systems import System
+from luenberger.systems.enclosure_system import EnclosureSystem
 
 # More states than this have more sign changes than a design should try; name the coordinates then.
 MOST_STATES = 6
+# Directions of the rows of T on a half circle, for two states; random matrices for more.
+_DIRECTIONS = 12
+_RANDOM = 100
+_SEED = 20140401
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +38,11 @@ class Choice:
     posed: Any
 
 
-def candidates(
-    asked: Any, system: System, attempt: Callable[[np.ndarray], Choice | None]
-) -> tuple[Choice | None, list[np.ndarray]]:
-    """Try coordinates and return the best design found, or None, and all that was tried.
+Attempt = Callable[[np.ndarray], Choice | None]
+
+
+def candidates(asked: Any, system: System, attempt: Attempt) -> tuple[list[Choice], list[np.ndarray]]:
+    """Try coordinates and return the designs found, the best first, and all that was tried.
 
     Args:
         asked: "states", "signs", "search" or a matrix T.
@@ -46,14 +53,27 @@ def candidates(
         BadInput: unknown word, T of the wrong shape, too many states for all signs.
     """
     tried: list[np.ndarray] = []
-    best: Choice | None = None
-    for T in _asked(asked, system):
+    found: list[Choice] = []
+
+    def visit(T: np.ndarray) -> None:
         tried.append(T)
-        found = attempt(T)
-        # Signs come first; a matrix has to beat them clearly, since bounds of mixed states are harder to read.
-        if found is not None and (best is None or found.comparable < best.comparable * (1 - 1e-6)):
-            best = found
-    return best, tried
+        choice = attempt(T)
+        if choice is not None:
+            found.append(choice)
+
+    for T in _asked(asked, system):
+        visit(T)
+    if isinstance(asked, str) and asked == "search" and found and system.nx == 2:
+        scale = _scale(system)
+        for step in (0.5, 0.25):
+            for T in list(_turned(min(found, key=_worth).transform * scale, step * np.pi / _DIRECTIONS)):
+                visit(T / scale)
+    return sorted(found, key=_worth), tried
+
+
+def _worth(choice: Choice) -> float:
+    """A matrix has to beat sign changes clearly, since bounds of mixed states are harder to read."""
+    return choice.comparable * (1.0 if np.count_nonzero(choice.transform) == len(choice.transform) else 1.001)
 
 
 def sign_changes(nx: int) -> Iterator[np.ndarray]:
@@ -73,6 +93,28 @@ def sign_changes(nx: int) -> Iterator[np.ndarray]:
         yield np.diag([1.0, *signs])
 
 
+def mixtures(system: System) -> Iterator[np.ndarray]:
+    """Yield constant matrices T of mixed states: a grid of directions for two states, seeded random ones for more.
+
+    States are counted in units in which the coupling of the plant is even.
+
+    Args:
+        system: plant.
+    """
+    scale = _scale(system)
+    if system.nx == 2:
+        angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        for one, other in combinations(angles, 2):
+            for turn in (0.0, np.pi):
+                if not (one == 0.0 and np.isclose(other, np.pi / 2)):  # those are the states themselves
+                    yield _rows(one, other + turn) / scale
+        return
+    generator = np.random.default_rng(_SEED)
+    for _ in range(_RANDOM if system.nx > 2 else 0):
+        rows = generator.normal(size=(system.nx, system.nx))
+        yield rows / np.linalg.norm(rows, axis=1, keepdims=True) / scale
+
+
 def _asked(asked: Any, system: System) -> Iterator[np.ndarray]:
     nx = system.nx
     if not isinstance(asked, str):
@@ -83,3 +125,25 @@ def _asked(asked: Any, system: System) -> Iterator[np.ndarray]:
         yield np.eye(nx)
         return
     yield from sign_changes(nx)
+    if asked == "search":
+        yield from mixtures(system)
+
+
+def _scale(system: System) -> np.ndarray:
+    """Units of the states that balance the largest entries of A over the box."""
+    here = EnclosureSystem.of(system)
+    largest = np.max([np.abs(c) for c in here.A.bernstein(here.box).values()], axis=0)
+    _, (scale, _) = matrix_balance(largest, permute=False, separate=True)
+    return np.asarray(scale)
+
+
+def _turned(rows: np.ndarray, step: float) -> Iterator[np.ndarray]:
+    """Both rows turned by a step either way or not at all."""
+    one, other = (float(np.arctan2(row[1], row[0])) for row in rows)
+    for i, j in product((-1, 0, 1), repeat=2):
+        if i or j:
+            yield _rows(one + i * step, other + j * step)
+
+
+def _rows(one: float, other: float) -> np.ndarray:
+    return np.array([[np.cos(one), np.sin(one)], [np.cos(other), np.sin(other)]])

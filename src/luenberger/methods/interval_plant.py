@@ -21,6 +21,8 @@ from luenberger.systems.worst_vertex import entry, vertices
 
 # An entry smaller than this share of the largest one is zero; roundoff of T A T^-1 stays far below.
 _ZERO = 1e-12
+# Order is asked with this share of the largest entry of A as room, so that it survives rounding to seven digits.
+ROOM = 1e-5
 # Coordinates in which a refusal looks for the nearest decay rate.
 _NEAREST = 2
 
@@ -133,10 +135,15 @@ class Coordinates:
         return self.measured.spread(self.measured.A)
 
     def order(self) -> list[Block]:
-        """Return one block for every entry off the diagonal that the gain can move: it must be >= 0."""
-        loop, box = self.loop(), self.true.box
-        places = [(i, j) for i, j in off_diagonal(self.true.system.nx) if not self._fixed(j)]
-        return [Block(self.named(i, j), -entry(loop, i, j), box, relaxation=self.relaxation) for i, j in places]
+        """Return one block for every entry off the diagonal that the gain can move: it must be >= `ROOM`, times P."""
+        loop, box, nx = self.loop(), self.true.box, self.true.system.nx
+        free = self.true.A @ self.true.inverse
+        room = ROOM * max(float(np.abs(c).max()) for c in free.bernstein(box).values())
+        return [
+            Block(self.named(i, j), entry(self.P, i, i) * room - entry(loop, i, j), box, relaxation=self.relaxation)
+            for i, j in off_diagonal(nx)
+            if not self._fixed(j)
+        ]
 
     def hopeless(self) -> bool:
         """True where an entry that no gain moves is negative somewhere."""
