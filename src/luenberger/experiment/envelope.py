@@ -28,17 +28,18 @@ OPTIONS: Mapping[str, float] = {
     "steering_rate_noise": 0.0,
     "yaw_rate_noise": 0.0,
     "initial_half_width": 0.1,
+    "slip_limit": 0.06,
 }
 
 
-def envelope(method: Callable[[Setting], Method]) -> Callable[[Setting, Mapping[str, float]], Entrant]:
+def envelope(method: Callable[[Mapping[str, float]], Method]) -> Callable[[Setting, Mapping[str, float]], Entrant]:
     """Return the builder of an interval observer entrant.
 
     The stiffness box is what the options say; where they say nothing it is identified on the part of the log that may be
     learned from, with the share of samples that its force offset has to cover.
 
     Args:
-        method: setting -> design method.
+        method: options -> design method.
     """
 
     def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
@@ -52,7 +53,7 @@ def envelope(method: Callable[[Setting], Method]) -> Callable[[Setting, Mapping[
             force_offset=box.offset,
             noise=(noise[0], noise[1], noise[2]),
         )
-        design = synthesize(plant, method(setting))
+        design = synthesize(plant, method(options))
         half = np.full(2, options["initial_half_width"])
         observer = design.observer(setting.dt, clip_scheduling=True, initial_half_width=half)
         channels = Channels(
