@@ -88,3 +88,11 @@ def test_two_sensors_on_one_name_and_missing_channels_are_refused() -> None:
         measure(drive(), [Sensor("yaw_rate"), Sensor("yaw_rate")])
     with pytest.raises(BadInput, match="no channel `yaw`"):
         measure(drive(), [Sensor("yaw")])
+
+
+def test_bounded_noise_stays_inside_and_reaches_its_bound() -> None:
+    values = np.zeros(20_000)
+    reading = np.asarray(Sensor("x", bound=5e-3).apply(np.arange(20_000.0), values, jax.random.key(1)))
+    assert np.abs(reading).max() <= 5e-3
+    # The largest of 20 000 uniform draws lies within a thousandth of the bound but for one seed in a billion.
+    assert np.abs(reading).max() > 0.999 * 5e-3

@@ -46,7 +46,7 @@ def test_rates_are_the_derivatives(manoeuvre: Manoeuvre) -> None:
 
 
 def test_rates_at_a_corner_are_those_of_the_side_to_come() -> None:
-    step, sine = step_steer(0.05, 20.0, start=1.0, rise_time=0.5), sine_with_dwell(0.1, start=1.0)
+    step, sine = step_steer(0.05, 20.0, start=1.0, rise=0.5), sine_with_dwell(0.1, start=1.0)
     assert [float(step.steering_rate(t)) for t in (1.0, 1.5)] == [0.1, 0.0]
     assert float(sine.steering_rate(1.0)) == pytest.approx(0.1 * 2 * np.pi * 0.7, rel=1e-15)
 
@@ -173,7 +173,7 @@ def test_a_manoeuvre_drives_a_truth_model() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: step_steer(0.1, 20.0, rise_time=0.0),
+        lambda: step_steer(0.1, 20.0, rise=0.0),
         lambda: step_steer(0.1, 20.0, settle=float("inf")),
         lambda: ramp_steer(0.1, 20.0, start=-4.0),
         lambda: slalom(0.1, 20.0, cones=5),

@@ -2,6 +2,7 @@
 
 from luenberger.simulate.inputs import HeldSamples, LinearSamples
 from luenberger.simulate.integrate import Integration, integrate, iterate
+from luenberger.simulate.monte_carlo import monte_carlo, piecewise_signal
 from luenberger.simulate.sensors import Sensor, measure
 from luenberger.simulate.simulate import Model, TruthModel, simulate
 
@@ -15,5 +16,7 @@ __all__ = [
     "integrate",
     "iterate",
     "measure",
+    "monte_carlo",
+    "piecewise_signal",
     "simulate",
 ]

@@ -23,6 +23,7 @@ class Sensor:
         delay: time by which the reading lags [s]; the first value is held before the record.
         quantum: step of the reading [unit of the channel], 0 for none.
         dropout: probability that a sample is lost; a lost sample is NaN.
+        bound: half width of white uniform noise on top [unit of the channel]; with no other fault no error exceeds it.
         name: name of the measured channel; default the channel with "_measured".
 
     Raises:
@@ -35,11 +36,12 @@ class Sensor:
     delay: float = 0.0
     quantum: float = 0.0
     dropout: float = 0.0
+    bound: float = 0.0
     name: str = ""
 
     def __post_init__(self) -> None:
-        numbers = {"noise": self.noise, "delay": self.delay, "quantum": self.quantum, "dropout": self.dropout}
-        for word, value in numbers.items():
+        for word in ("noise", "delay", "quantum", "dropout", "bound"):
+            value = getattr(self, word)
             if not (np.isfinite(value) and value >= 0):
                 raise BadInput(
                     f"`{word}` of the sensor on `{self.channel}` is {value}; a finite number >= 0 is needed."
@@ -74,6 +76,10 @@ class Sensor:
         reading = reading + self.bias
         if self.noise:
             reading = reading + self.noise * jax.random.normal(noise_key, reading.shape, reading.dtype)
+        if self.bound:
+            # A key of its own, so that readings without a bound stay what they were.
+            uniform = jax.random.uniform(jax.random.fold_in(key, 2), reading.shape, reading.dtype, -1.0, 1.0)
+            reading = reading + self.bound * uniform
         if self.quantum:
             reading = self.quantum * jnp.round(reading / self.quantum)
         if self.dropout:

@@ -5,6 +5,15 @@ from luenberger.vehicle.cars import CARS, car_named, carmaker_car, ferrari_250lm
 from luenberger.vehicle.combined_tyres import DugoffTyre, LoadedTyre, MagicFormulaCombined, secant_stiffness
 from luenberger.vehicle.double_track import DoubleTrack
 from luenberger.vehicle.double_track_parameters import DoubleTrackParameters
+from luenberger.vehicle.driver import (
+    ClosedLoop,
+    Course,
+    PreviewDriver,
+    SpeedKeeper,
+    closed_loop,
+    iso_3888_1,
+    iso_3888_2,
+)
 from luenberger.vehicle.manoeuvres import (
     Manoeuvre,
     braking_lane_changes,
@@ -16,6 +25,7 @@ from luenberger.vehicle.manoeuvres import (
 )
 from luenberger.vehicle.parameters import Quantity, VehicleParameters
 from luenberger.vehicle.road import Road
+from luenberger.vehicle.sensor_sets import SENSOR_SETS, SensorData, sensors_on
 from luenberger.vehicle.sideslip import (
     lateral_speed_from_front_slip,
     lateral_speed_from_rear_slip,
@@ -31,7 +41,10 @@ from luenberger.vehicle.tyres import BrushTyre, LinearTyre, MagicFormulaTyre, Ty
 
 __all__ = [
     "CARS",
+    "SENSOR_SETS",
     "BrushTyre",
+    "ClosedLoop",
+    "Course",
     "DoubleTrack",
     "DoubleTrackParameters",
     "DugoffTyre",
@@ -40,9 +53,12 @@ __all__ = [
     "MagicFormulaCombined",
     "MagicFormulaTyre",
     "Manoeuvre",
+    "PreviewDriver",
     "Quantity",
     "Road",
+    "SensorData",
     "SingleTrack",
+    "SpeedKeeper",
     "StiffnessBox",
     "Tyre",
     "VehicleParameters",
@@ -51,8 +67,11 @@ __all__ = [
     "brush_tyres",
     "car_named",
     "carmaker_car",
+    "closed_loop",
     "ferrari_250lm",
     "fishhook",
+    "iso_3888_1",
+    "iso_3888_2",
     "lateral_speed_from_front_slip",
     "lateral_speed_from_rear_slip",
     "lateral_speed_plant",
@@ -62,6 +81,7 @@ __all__ = [
     "rear_axle_force",
     "rear_axle_sideslip",
     "secant_stiffness",
+    "sensors_on",
     "sideslip_from_lateral_speed",
     "sideslip_from_rear_slip",
     "sine_with_dwell",

@@ -36,14 +36,14 @@ class Course(eqx.Module):
     inside the lanes: `ease` of its length lies in each, which uses their free width and lowers the curvature.
 
     Args:
+        name: how the course is called.
         lanes: (first x, last x, right edge y, left edge y) [m] of each lane, in the order they are driven.
         ease: share of the length of a change that lies within a lane, from 0 to less than 1/2.
-        name: how the course is called.
     """
 
-    lanes: Number = _number()
-    ease: Number = _number()
     name: str = eqx.field(static=True)
+    lanes: jax.Array = _number()
+    ease: Number = _number()
 
     def lateral(self, x: Any) -> jax.Array:
         """Return y [m] of the path at x [m], any shape."""
@@ -102,7 +102,7 @@ def iso_3888_1(car_width: float, *, ease: float = 0.12) -> Course:
     _positive("car_width", car_width)
     first, second, third = (share * car_width + 0.25 for share in (1.1, 1.2, 1.3))
     lanes = ((0.0, 15.0, 0.0, first), (45.0, 70.0, 3.5, 3.5 + second), (95.0, 125.0, 0.0, third))
-    return Course(lanes, ease, "ISO 3888-1")
+    return Course("ISO 3888-1", _leaf(lanes), ease)
 
 
 def iso_3888_2(car_width: float, *, ease: float = 0.12) -> Course:
@@ -121,7 +121,7 @@ def iso_3888_2(car_width: float, *, ease: float = 0.12) -> Course:
     _positive("car_width", car_width)
     first = 1.1 * car_width + 0.25
     lanes = ((0.0, 12.0, 0.0, first), (25.5, 36.5, first + 1.0, first + 2.0 + car_width), (49.0, 61.0, 0.0, 3.0))
-    return Course(lanes, ease, "ISO 3888-2")
+    return Course("ISO 3888-2", _leaf(lanes), ease)
 
 
 class PreviewDriver(eqx.Module):
@@ -131,7 +131,8 @@ class PreviewDriver(eqx.Module):
 
     y(s; d) is the lateral place of a linear single track that starts from the state of the car and is asked for the constant
     road-wheel angle d. The hands follow the demand with a lag of first order, which stands for reaction and muscles and which
-    the driver knows of; a real delay is left out.
+    the driver knows of; a real delay is left out. The shorter the preview, the closer the path and the harder the turns: on
+    ISO 3888-1 at 80 km/h 5 m/s^2 with 0.7 s, 8 with 0.5 s and 9 with 0.2 s; saturating tyres want 0.7 to 0.8 s.
 
     Args:
         mass: m [kg]; this and the next five are the car as the driver knows it.
@@ -162,7 +163,7 @@ class PreviewDriver(eqx.Module):
 
     @staticmethod
     def of(
-        car: VehicleParameters, *, gain: float = 1.0, preview: float = 0.5, lag: float = 0.1, limit: float = 0.5
+        car: VehicleParameters, *, gain: float = 1.0, preview: float = 0.7, lag: float = 0.1, limit: float = 0.5
     ) -> "PreviewDriver":
         """Return a driver who knows the linear single track of a car; other arguments as in the class.
 
@@ -256,14 +257,14 @@ class ClosedLoop(eqx.Module):
 
     POSE: ClassVar[tuple[str, ...]] = ("position_x", "position_y", "yaw", "speed", "lateral_speed", "yaw_rate")
     DEMANDS: ClassVar[tuple[str, ...]] = ("steering_demand", "acceleration_demand")
-    inputs: ClassVar[tuple[str, ...]] = ()
-    scheduling_names: ClassVar[tuple[str, ...]] = ()
-    dt: ClassVar[None] = None
 
     car: Any
     driver: PreviewDriver
     course: Course
     pedals: SpeedKeeper
+    inputs: tuple[str, ...] = eqx.field(static=True, default=(), init=False)
+    scheduling_names: tuple[str, ...] = eqx.field(static=True, default=(), init=False)
+    dt: float | None = eqx.field(static=True, default=None, init=False)
 
     @property
     def states(self) -> tuple[str, ...]:

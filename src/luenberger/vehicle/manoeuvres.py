@@ -106,7 +106,7 @@ class BrokenLine(Profile):
     def corners(self) -> jax.Array:
         """Ends of the lines."""
         lengths = self.lengths + self.turns * jnp.abs(_leaf(self.amplitude)) / self.slew
-        return self.start + jnp.concatenate([jnp.zeros(1), jnp.cumsum(_leaf(lengths))])
+        return _leaf(self.start) + jnp.concatenate([jnp.zeros(1), jnp.cumsum(_leaf(lengths))])
 
 
 class DwellingSine(Profile):
@@ -133,7 +133,7 @@ class DwellingSine(Profile):
         since = _leaf(t) - self.start
         paused = _held(since - (self.cycles - 0.25) / self.frequency, self.dwell)
         running = _held(since - paused, self.cycles / self.frequency)
-        return self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * running)
+        return _leaf(self.amplitude) * jnp.sin(2 * jnp.pi * self.frequency * running)
 
     @property
     def corners(self) -> jax.Array:
@@ -185,7 +185,7 @@ class HalfCosine(Profile):
     def value(self, t: Any) -> jax.Array:
         """Return the signal at a time [s], any shape."""
         share = _held((_leaf(t) - self.start) / self.length, 1.0)
-        return self.first + 0.5 * (self.last - self.first) * (1 - jnp.cos(jnp.pi * share))
+        return _leaf(self.first) + 0.5 * (self.last - self.first) * (1 - jnp.cos(jnp.pi * share))
 
     @property
     def corners(self) -> jax.Array:
@@ -230,16 +230,14 @@ class Manoeuvre(eqx.Module):
         return jnp.sort(jnp.concatenate([self.turn.corners, self.pace.corners]))
 
 
-def step_steer(
-    amplitude: Any, speed: Any, *, start: float = 1.0, rise_time: float = 0.1, settle: float = 4.0
-) -> Manoeuvre:
+def step_steer(amplitude: Any, speed: Any, *, start: float = 1.0, rise: float = 0.1, settle: float = 4.0) -> Manoeuvre:
     """Return a step of the steering with a steep flank, for the transient of yaw and slip.
 
     Args:
         amplitude: road-wheel angle [rad]; a number or a traced array, as the speed.
         speed: vx [m/s], kept even where a standard lets the car coast.
         start: when the wheel moves [s].
-        rise_time: time of the flank [s]; zero would ask for an infinite steering rate and is refused.
+        rise: time of the flank [s]; zero would ask for an infinite steering rate and is refused.
         settle: time after the wheel has stopped [s].
 
     Raises:
@@ -247,13 +245,11 @@ def step_steer(
 
     Reference: ISO 7401, Road vehicles: Lateral transient response test methods, step input.
     """
-    _positive(start=start, rise_time=rise_time, settle=settle)
-    return Manoeuvre(_ramp(amplitude, start, rise_time), Constant(speed), start + rise_time + settle, "step steer")
+    _positive(start=start, rise=rise, settle=settle)
+    return Manoeuvre(_ramp(amplitude, start, rise), Constant(speed), start + rise + settle, "step steer")
 
 
-def ramp_steer(
-    slope: Any, speed: Any, *, start: float = 1.0, rise_time: float = 20.0, settle: float = 2.0
-) -> Manoeuvre:
+def ramp_steer(slope: Any, speed: Any, *, start: float = 1.0, rise: float = 20.0, settle: float = 2.0) -> Manoeuvre:
     """Return slowly increasing steering, which takes the tyres to their peak almost in steady state.
 
     Args:
@@ -262,15 +258,13 @@ def ramp_steer(
 
     Reference: FMVSS 126 (49 CFR 571.126), S7.6, slowly increasing steer test.
     """
-    _positive(start=start, rise_time=rise_time, settle=settle)
-    turn = _ramp(_leaf(slope) * rise_time, start, rise_time)
-    return Manoeuvre(turn, Constant(speed), start + rise_time + settle, "ramp steer")
+    _positive(start=start, rise=rise, settle=settle)
+    turn = _ramp(_leaf(slope) * rise, start, rise)
+    return Manoeuvre(turn, Constant(speed), start + rise + settle, "ramp steer")
 
 
-def slalom(
-    amplitude: Any, speed: float, *, spacing: float = 18.0, cones: int = 10, start: float = 1.0, settle: float = 1.0
-) -> Manoeuvre:
-    """Return sinusoidal steering as round evenly spaced cones, one period each two cones: f = vx / (2 spacing).
+def slalom(amplitude: Any, speed: float, *, spacing: float = 18.0, cones: int = 10, start: float = 1.0) -> Manoeuvre:
+    """Return sinusoidal steering as round evenly spaced cones, f = vx / (2 spacing), and a second straight on.
 
     Args:
         speed: vx [m/s]; fixes frequency and duration, so it is a plain number here. Other arguments as in `step_steer`.
@@ -280,12 +274,12 @@ def slalom(
     Raises:
         BadInput: a number that is not positive, or an odd number of cones.
     """
-    _positive(speed=speed, spacing=spacing, cones=cones, start=start, settle=settle)
+    _positive(speed=speed, spacing=spacing, cones=cones, start=start)
     if cones % 2:
         raise BadInput(f"`cones` is {cones}; an even number of half periods is needed to end straight.")
     frequency = speed / (2 * spacing)
     turn = DwellingSine(amplitude, frequency, start, cones // 2, 0.0)
-    return Manoeuvre(turn, Constant(speed), start + cones / 2 / frequency + settle, "slalom")
+    return Manoeuvre(turn, Constant(speed), start + cones / 2 / frequency + 1.0, "slalom")
 
 
 def sine_with_dwell(amplitude: Any, speed: Any = 80 / 3.6, *, start: float = 1.0) -> Manoeuvre:
@@ -326,7 +320,7 @@ def fishhook(
     Reference: G. Forkenbrock et al., NHTSA DOT HS 809 513 (2002), fixed timing fishhook.
     """
     _positive(steering_ratio=steering_ratio, start=start, duration=duration)
-    levels, lengths, turns = (1, 1, -1, -1, 0), (0, 0.25, 0, 3, 2), (1, 0, 2, 0, 0)
+    levels, lengths, turns = _leaf([[1, 1, -1, -1, 0], [0, 0.25, 0, 3, 2], [1, 0, 2, 0, 0]])
     turn = BrokenLine(amplitude, start, levels, lengths, turns, radians(720) / steering_ratio)
     return Manoeuvre(turn, Constant(speed), duration, "fishhook")
 
@@ -340,12 +334,12 @@ def braking_lane_changes(scale: Any = 1.0) -> Manoeuvre:
     Reference: Wang 2014, figures 3.7 and 3.8, whose speeds these are; the dissertation prints neither steering nor times, so
         both are chosen here.
     """
-    turn = Lobes(_leaf(scale) * jnp.array([0.022, -0.045]), (0.5, 4.0), 2.5)
+    turn = Lobes(_leaf(scale) * jnp.array([0.022, -0.045]), _leaf([0.5, 4.0]), 2.5)
     return Manoeuvre(turn, HalfCosine(78 / 3.6, 23 / 3.6, 1.0, 8.0), 10.0, "lane changes while braking")
 
 
-def _ramp(amplitude: Any, start: float, rise_time: float) -> BrokenLine:
-    return BrokenLine(amplitude, start, (1.0,), (rise_time,), (0.0,), 1.0)
+def _ramp(amplitude: Any, start: float, rise: float) -> BrokenLine:
+    return BrokenLine(amplitude, start, _leaf([1.0]), _leaf([rise]), _leaf([0.0]), 1.0)
 
 
 def _positive(**numbers: float) -> None:
