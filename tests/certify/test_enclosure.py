@@ -161,7 +161,10 @@ def test_width_counts_uncertain_inputs() -> None:
     proof = decided(system, NO_GAIN, "width", 10.0, vector=1.001 * v, state_bound=bound)
     assert proof.outcome is Outcome.PROVED
     assert decided(system, NO_GAIN, "width", 10.0, vector=0.999 * v, state_bound=bound).outcome is Outcome.REFUTED
-    assert decided(system, NO_GAIN, "width", 0.5 * v.max(), vector=v, state_bound=bound).outcome is Outcome.REFUTED
+    # Both widths hold, and the claimed largest lies between them.
+    between = decided(system, NO_GAIN, "width", v.mean(), vector=1.001 * v, state_bound=bound)
+    assert between.outcome is Outcome.REFUTED
+    assert "vector" in between.reason
     assert decided(system, NO_GAIN, "width", 10.0, vector=-v, state_bound=bound).outcome is Outcome.REFUTED
     with pytest.raises(NotAccepted, match="input matrix"):
         decided(system, NO_GAIN, "width", 10.0, vector=v, state_bound=bound[:2])
@@ -169,6 +172,16 @@ def test_width_counts_uncertain_inputs() -> None:
         decided(system, NO_GAIN, "width", 10.0, vector=v)
     with pytest.raises(BadInput, match="vector"):
         decided(system, NO_GAIN, "width", 10.0, vector=v[:1], state_bound=bound)
+
+
+def test_negative_widths_prove_nothing() -> None:
+    # x' = q x with q in [1, 2] runs away, although 2 v + |x| <= 0 at v = -1.
+    A = Polynomial.affine(np.zeros((1, 1)), q=np.eye(1))
+    runaway = System.lpv(A, C=[[1.0]], parameters=[Parameter("q", 1.0, 2.0, measured=False)])
+    proof = decided(
+        runaway, Polynomial.constant(np.zeros((1, 1))), "width", 1.0, vector=np.array([-1.0]), state_bound=np.ones(1)
+    )
+    assert proof.outcome is Outcome.REFUTED
 
 
 def test_containment_needs_order_and_bounds() -> None:

@@ -88,7 +88,7 @@ class IntervalLuenberger:
     relaxation: Relaxation = field(default_factory=Bernstein)
 
     references: ClassVar[tuple[str, ...]] = (
-        "Y. Wang, dissertation, University of California, Berkeley, 2014, theorem 5, eq. (4.32)",
+        "Y. Wang, dissertation, Auburn University, 2014, theorem 5, eq. (4.32)",
         "J. L. Gouze, A. Rapaport, M. Z. Hadj-Sadok, Interval observers for uncertain biological systems, Ecol. Model. 133 (2000) 45-56",
     )
 

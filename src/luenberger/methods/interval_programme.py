@@ -17,11 +17,10 @@ from luenberger.algebra import Polynomial
 from luenberger.methods.interval_plant import ROOM
 from luenberger.systems.enclosure_system import EnclosureSystem, off_diagonal
 
-# Gains are capped at this multiple of the fastest motion: the optimum may lie at infinity.
-_LARGEST_GAIN = 2.0
-# Sizes of t that are tried, in units of the width that the fastest motion would leave, and refinements of the best one.
-_TRIALS = np.concatenate([-np.logspace(3, -3, 25), [0.0], np.logspace(-3, 3, 25)])
-_REFINEMENTS = 4
+# Sizes of t that are tried, in units of the width that the fastest motion would leave, and halvings around the best one: t is
+# found to a part in ten thousand.
+_TRIALS = np.concatenate([-np.logspace(3, -3, 13), [0.0], np.logspace(-3, 3, 13)])
+_HALVINGS = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +57,13 @@ class Found:
     Args:
         cost: weighted width.
         widths: v, (nx,).
-        gains: L_z at every vertex, (vertices, nx).
+        gain: L_z, (nx,).
         output: t = C v in the units of the programme.
     """
 
     cost: float
     widths: np.ndarray
-    gains: np.ndarray
+    gain: np.ndarray
     output: float
 
 
@@ -102,40 +101,50 @@ def vertices_of(here: EnclosureSystem, state_bound: np.ndarray) -> list[Vertex]:
 
 
 class Programme:
-    """Linear programme over widths v that several vertices share, and a gain of each of them.
+    """Linear programme over widths and a gain at one vertex of the scheduling.
 
     Args:
-        vertices: scheduling vertices.
+        vertex: its numbers.
         cost: weights of v, (nx,).
         input_bound: bounds of |u|, (nu,).
         decay_rate: (Abar - L C + decay_rate) v + b <= 0 is asked [1/s].
-        gains: fixed gains L_z, (vertices, nx); None where they are sought.
-        gain_limit: largest entry of L_z; None for twice the largest entry of A.
+        gain: fixed gain L_z, (nx,); None where it is sought.
+        gain_limit: largest entry of L_z [1/s].
     """
 
     def __init__(
         self,
-        vertices: Sequence[Vertex],
+        vertex: Vertex,
         cost: np.ndarray,
         input_bound: np.ndarray,
         decay_rate: float,
-        gains: np.ndarray | None = None,
-        gain_limit: float | None = None,
+        gain: np.ndarray | None = None,
+        gain_limit: float = np.inf,
     ):
         self.cost = cost
-        self.nx, self.nu, self.nv = len(cost), vertices[0].B.shape[2], vertices[0].entering.shape[2]
-        self.block = self.nx * (2 + 2 * self.nu + self.nv)
-        self.size = self.nx + self.block * len(vertices)
         # Solvers have absolute tolerances: time is counted in the fastest motion, widths in what it would leave.
-        self.speed = max(float(np.abs(v.A).max()) for v in vertices)
-        self.reach = max(float(np.abs(v.C).max()) for v in vertices) or 1.0
-        drives = (float(v.constant.max(initial=0.0) + np.abs(v.entering).max(initial=0.0)) for v in vertices)
-        self.unit = (max(drives) or 1.0) / self.speed
-        self.vertices = [self._scaled(v, input_bound) for v in vertices]
+        self.speed = float(np.abs(vertex.A).max())
+        self.reach = float(np.abs(vertex.C).max()) or 1.0
+        drive = float(vertex.constant.max(initial=0.0) + np.abs(vertex.entering).max(initial=0.0))
+        self.unit = (drive or 1.0) / self.speed
+        self.vertex = self._scaled(vertex, input_bound)
         self.rate = decay_rate / self.speed
         self.gain_unit = self.speed / self.reach
-        self.gains = None if gains is None else gains / self.gain_unit
-        self.limit = _LARGEST_GAIN if gain_limit is None else gain_limit / self.gain_unit
+        self.gain = None if gain is None else gain / self.gain_unit
+        self.limit = gain_limit / self.gain_unit
+        nx, nu, nv = len(cost), vertex.B.shape[2], vertex.entering.shape[2]
+        sizes = {"width": nx, "gain": nx, "absolute": nx, "top": nx * nu, "bottom": nx * nu, "slack": nx * nv}
+        ends = np.cumsum(list(sizes.values()))
+        self.size = int(ends[-1])
+        # Where each variable stands, by its row and column.
+        shapes = {"top": (nx, nu), "bottom": (nx, nu), "slack": (nx, nv)}
+        self.place = {
+            name: np.arange(end - count, end).reshape(shapes.get(name, (nx,)))
+            for (name, count), end in zip(sizes.items(), ends, strict=True)
+        }
+        rows = [*self._width_rows(), *self._gain_rows(), *self._bounding_rows()]
+        self.table = np.array([row for row, _ in rows])
+        self.sides = np.array([side for _, side in rows])
 
     def _scaled(self, vertex: Vertex, input_bound: np.ndarray) -> Vertex:
         """The same numbers without units; bounds of the inputs are multiplied in."""
@@ -153,7 +162,7 @@ class Programme:
 
     def best(self) -> Found | None:
         """Return the narrowest widths over all gains, by a line search over t."""
-        return self._searched(_TRIALS, lambda found: found.cost, None)
+        return self._searched(_TRIALS, lambda found: found.cost, None, _HALVINGS)
 
     def smallest(self, near: Found, cost: float) -> Found | None:
         """Return the answer with the smallest sum of |L| among those whose weighted width is at most `cost`.
@@ -163,122 +172,108 @@ class Programme:
             cost: see above.
         """
         trials = np.concatenate([_TRIALS, near.output * np.linspace(0.6, 1.6, 11)])
-        return self._searched(trials, lambda found: float(np.abs(found.gains).sum()), cost)
-
-    def _searched(self, trials: np.ndarray, worth: Callable[[Found], float], limit: float | None) -> Found | None:
-        found = [answer for t in trials if (answer := self.at(float(t), limit)) is not None]
-        for _ in range(_REFINEMENTS if found else 0):
-            below, above = _neighbours(trials, min(found, key=worth).output)
-            finer = np.linspace(below, above, 9)[1:-1]
-            found += [answer for t in finer if (answer := self.at(float(t), limit)) is not None]
-            trials = np.concatenate([trials, finer])
-        return min(found, key=worth, default=None)
+        return self._searched(trials, lambda found: float(np.abs(found.gain).sum()), cost, _HALVINGS // 2)
 
     def at(self, t: float | None, limit: float | None = None) -> Found | None:
-        """Solve at t = C v, or with fixed gains where t is None.
+        """Solve at t = C v, or with the fixed gain where t is None.
 
         Args:
             t: output of the widths, in units of the programme.
             limit: minimise the sum of |L| with a cost below this; None minimises the cost.
         """
-        rows, sides = [], []
-        for k in range(len(self.vertices)):
-            for row, side in self._rows(k, t):
-                rows.append(row)
-                sides.append(side)
-        objective = np.zeros(self.size)
+        place, nx = self.place, len(self.cost)
+        table, sides, objective = self.table, self.sides, np.zeros(self.size)
         if limit is None:
-            objective[: self.nx] = self.cost
+            objective[place["width"]] = self.cost
         else:
-            rows.append(np.concatenate([self.cost, np.zeros(self.size - self.nx)]))
-            sides.append(limit / self.unit)
-            for k in range(len(self.vertices)):
-                objective[self._place(k, "absolute", slice(None))] = 1.0
-        equal = None if t is None else np.concatenate([self.vertices[0].C, np.zeros(self.size - self.nx)])[None, :]
-        answer = linprog(
-            objective,
-            np.array(rows),
-            np.array(sides),
-            equal,
-            None if t is None else [t],
-            bounds=[(0, None)] * self.nx + [(None, None)] * (self.size - self.nx),
-            method="highs",
-        )
+            table = np.vstack([table, self._row({"width": self.cost})])
+            sides = np.append(sides, limit / self.unit)
+            objective[place["absolute"]] = 1.0
+        equal = None
+        if t is not None:
+            table = table.copy()
+            table[np.arange(nx), place["gain"]] = -t
+            equal = self._row({"width": self.vertex.C})[None, :]
+        bounds = np.full((self.size, 2), [-np.inf, np.inf])
+        bounds[place["width"], 0] = 0.0
+        if self.gain is not None:
+            bounds[place["gain"]] = self.gain[:, None]
+        answer = linprog(objective, table, sides, equal, None if t is None else [t], bounds=bounds, method="highs")
         if answer.status != 0:
             return None
-        gains = np.array([answer.x[self._place(k, "gain", slice(None))] for k in range(len(self.vertices))])
-        v = answer.x[: self.nx]
-        output = float(self.vertices[0].C @ v)
-        return Found(float(self.cost @ v) * self.unit, v * self.unit, gains * self.gain_unit, output)
+        v, gain = answer.x[place["width"]], answer.x[place["gain"]]
+        return Found(float(self.cost @ v) * self.unit, v * self.unit, gain * self.gain_unit, float(self.vertex.C @ v))
 
-    def _rows(self, k: int, t: float | None) -> list[tuple[np.ndarray, float]]:
-        """Inequalities row @ x <= side of one vertex."""
-        vertex, rows = self.vertices[k], []
-        top = vertex.A.max(axis=0) + self.rate * np.eye(self.nx)
-        for i in range(self.nx):
-            width = np.zeros(self.size)
-            width[: self.nx] = top[i]
-            side = -float(vertex.constant[i])
-            if self.gains is not None:
-                width[: self.nx] -= self.gains[k, i] * vertex.C
-            elif t is not None:
-                width[self._place(k, "gain", i)] = -t
-            for j in range(self.nu):
-                width[self._place(k, "top", i * self.nu + j)] = 1.0
-                width[self._place(k, "bottom", i * self.nu + j)] = -1.0
-            for n in range(self.nv):
-                width[self._place(k, "slack", i * self.nv + n)] = 2.0
-            rows.append((width, side))
-        return rows + self._gain_rows(k) + self._steer_rows(k) + self._slack_rows(k)
+    def _searched(
+        self, trials: np.ndarray, worth: Callable[[Found], float], limit: float | None, halvings: int
+    ) -> Found | None:
+        found = [answer for t in trials if (answer := self.at(float(t), limit)) is not None]
+        for _ in range(halvings if found else 0):
+            below, above = _neighbours(trials, min(found, key=worth).output)
+            finer = np.linspace(below, above, 5)[1:-1]
+            found += [answer for t in finer if (answer := self.at(float(t), limit)) is not None]
+            trials = np.concatenate([trials, finer])
+        return min(found, key=worth, default=None)
 
-    def _gain_rows(self, k: int) -> list[tuple[np.ndarray, float]]:
-        """Order, the cap of the gain and its absolute value; or the gain that is given."""
-        vertex, rows = self.vertices[k], []
-        if self.gains is not None:
-            for i in range(self.nx):
-                for sign in (1.0, -1.0):
-                    rows.append(self._row({self._place(k, "gain", i): sign}, sign * self.gains[k, i]))
-            return rows
-        low = vertex.A.min(axis=0)
-        for i, j in off_diagonal(self.nx):
-            if vertex.C[j] != 0.0:
-                rows.append(self._row({self._place(k, "gain", i): vertex.C[j]}, float(low[i, j]) - ROOM))
-        for i in range(self.nx):
-            gain, absolute = self._place(k, "gain", i), self._place(k, "absolute", i)
-            rows += [self._row({gain: sign, absolute: -1.0}, 0.0) for sign in (1.0, -1.0)]
-            rows.append(self._row({absolute: 1.0}, self.limit))
+    def _width_rows(self) -> list[tuple[np.ndarray, float]]:
+        """(Abar + rate) v - L t + range + top - bottom + 2 slack <= 0; the term with t is filled in by `at`."""
+        vertex, nx = self.vertex, len(self.cost)
+        top = vertex.A.max(axis=0) + self.rate * np.eye(nx)
+        if self.gain is not None:
+            top = top - np.outer(self.gain, vertex.C)
+        return [
+            (
+                self._row({"width": top[i], "top": (i, 1.0), "bottom": (i, -1.0), "slack": (i, 2.0)}),
+                -float(vertex.constant[i]),
+            )
+            for i in range(nx)
+        ]
+
+    def _gain_rows(self) -> list[tuple[np.ndarray, float]]:
+        """Order, the cap of the gain and its absolute value."""
+        if self.gain is not None:
+            return []
+        vertex, nx = self.vertex, len(self.cost)
+        low, one = vertex.A.min(axis=0), np.eye(nx)
+        rows = [
+            (self._row({"gain": one[i] * vertex.C[j]}), float(low[i, j]) - ROOM)
+            for i, j in off_diagonal(nx)
+            if vertex.C[j] != 0.0
+        ]
+        for i in range(nx):
+            rows += [(self._row({"gain": sign * one[i], "absolute": -one[i]}), 0.0) for sign in (1.0, -1.0)]
+            rows += [(self._row({"absolute": one[i]}), self.limit)] if np.isfinite(self.limit) else []
         return rows
 
-    def _steer_rows(self, k: int) -> list[tuple[np.ndarray, float]]:
-        """top >= T B - L D >= bottom at every hidden vertex."""
-        vertex, rows = self.vertices[k], []
-        for i, j in product(range(self.nx), range(self.nu)):
-            gain = self._place(k, "gain", i)
-            for b, d in {(float(b), float(d)) for b, d in zip(vertex.B[:, i, j], vertex.D[:, j], strict=True)}:
-                rows.append(self._row({self._place(k, "top", i * self.nu + j): -1.0, gain: -d}, -b))
-                rows.append(self._row({self._place(k, "bottom", i * self.nu + j): 1.0, gain: d}, b))
+    def _bounding_rows(self) -> list[tuple[np.ndarray, float]]:
+        """top >= T B - L D >= bottom and slack >= |T B N + L (G - D N)| noise_bound at every hidden vertex."""
+        vertex, place, rows = self.vertex, self.place, []
+
+        def bound(variable: int, sign: float, i: int, constants: np.ndarray, slopes: np.ndarray) -> None:
+            """sign * variable >= constant + slope L_i."""
+            for constant, slope in {(float(c), float(g)) for c, g in zip(constants, slopes, strict=True)}:
+                row = np.zeros(self.size)
+                row[variable], row[place["gain"][i]] = -sign, slope
+                rows.append((row, -constant))
+
+        for i, j in np.ndindex(*place["top"].shape):
+            b, d = vertex.B[:, i, j], vertex.D[:, j]
+            bound(int(place["top"][i, j]), 1.0, i, b, -d)
+            bound(int(place["bottom"][i, j]), -1.0, i, -b, d)
+        for i, n in np.ndindex(*place["slack"].shape):
+            for sign in (1.0, -1.0):
+                bound(int(place["slack"][i, n]), 1.0, i, sign * vertex.entering[:, i, n], sign * vertex.reading[:, n])
         return rows
 
-    def _slack_rows(self, k: int) -> list[tuple[np.ndarray, float]]:
-        """slack >= |T B N + L (G - D N)| noise_bound at every hidden vertex."""
-        vertex, rows = self.vertices[k], []
-        for i, n in product(range(self.nx), range(self.nv)):
-            gain, slack = self._place(k, "gain", i), self._place(k, "slack", i * self.nv + n)
-            pairs = {(float(b), float(g)) for b, g in zip(vertex.entering[:, i, n], vertex.reading[:, n], strict=True)}
-            rows += [self._row({slack: -1.0, gain: s * g}, -s * b) for b, g in pairs for s in (1.0, -1.0)]
-        return rows
-
-    def _place(self, k: int, what: str, index: Any) -> Any:
-        """Where a variable of vertex k stands."""
-        sizes = {"gain": self.nx, "absolute": self.nx, "top": self.nx * self.nu, "bottom": self.nx * self.nu, "slack": self.nx * self.nv}  # fmt: skip
-        start = self.nx + k * self.block + sum(list(sizes.values())[: list(sizes).index(what)])
-        return slice(start, start + sizes[what]) if isinstance(index, slice) else start + index
-
-    def _row(self, entries: Mapping[Any, float], side: float) -> tuple[np.ndarray, float]:
+    def _row(self, entries: Mapping[str, Any]) -> np.ndarray:
+        """One row; a pair (i, value) fills row i of a variable."""
         row = np.zeros(self.size)
-        for place, value in entries.items():
-            row[place] += value
-        return row, side
+        for name, value in entries.items():
+            if isinstance(value, tuple):
+                row[self.place[name][value[0]]] = value[1]
+            else:
+                row[self.place[name]] = value
+        return row
 
 
 def through_vertices(
@@ -310,6 +305,7 @@ def _at(value: Polynomial, point: Mapping[str, float]) -> np.ndarray:
 
 
 def _neighbours(trials: np.ndarray, t: float) -> tuple[float, float]:
-    order = np.sort(trials)
-    k = int(np.argmin(np.abs(order - t)))
-    return float(order[max(k - 1, 0)]), float(order[min(k + 1, len(order) - 1)])
+    """The nearest trials on either side of t; what differs from t by roundoff is t itself."""
+    apart = 1e-9 * abs(t) + 1e-12
+    below, above = trials[trials < t - apart], trials[trials > t + apart]
+    return float(below.max()) if below.size else t, float(above.min()) if above.size else t

@@ -27,6 +27,8 @@ Numbers = Sequence[Any] | np.ndarray
 BACK_OFF = 0.01
 # Room of the proved widths over those of floating point: roundoff is a few 1e-16 of every term.
 _ROOM = 1e-6
+# Gains are capped at this multiple of the fastest motion: the optimum may lie at infinity.
+_LARGEST_GAIN = 2.0
 # Best coordinates in which common widths are looked for.
 _FINISHED = 3
 
@@ -77,7 +79,7 @@ class IntervalWidth:
     coordinates: str | Numbers = "signs"
 
     references: ClassVar[tuple[str, ...]] = (
-        "Y. Wang, dissertation, University of California, Berkeley, 2014, section 4.4, eq. (4.21), (4.35)",
+        "Y. Wang, dissertation, Auburn University, 2014, section 4.4, eq. (4.21), (4.35)",
         "J. L. Gouze, A. Rapaport, M. Z. Hadj-Sadok, Interval observers for uncertain biological systems, Ecol. Model. 133 (2000) 45-56",
     )
 
@@ -128,7 +130,7 @@ class IntervalWidth:
             vertices = vertices_of(EnclosureSystem.of(system, T), self._states(system))
             found: list[Found] = []
             for vertex in vertices:
-                best = self._programme(system, T, [vertex]).best()
+                best = self._programme(system, T, vertex, limit=self._limit(vertices)).best()
                 if best is None:
                     return None
                 found.append(best)
@@ -180,7 +182,7 @@ class IntervalWidth:
         costs = []
         for vertex in vertices_of(EnclosureSystem.of(system, T), self._states(system)):
             here = T @ np.asarray(gain({n: vertex.point[n] for n in gain.names}), dtype=float)
-            found = self._programme(system, T, [vertex], here.T).at(None)
+            found = self._programme(system, T, vertex, gain=here[:, 0]).at(None)
             if found is None:
                 return None
             costs.append(found.cost)
@@ -218,8 +220,9 @@ class IntervalWidth:
         vertices, found = choice.posed
         gains = []
         for vertex, best in zip(vertices, found, strict=True):
-            small = self._programme(system, choice.transform, [vertex]).smallest(best, best.cost * (1 + BACK_OFF))
-            gains.append((best if small is None else small).gains[0])
+            programme = self._programme(system, choice.transform, vertex, limit=self._limit(vertices))
+            small = programme.smallest(best, best.cost * (1 + BACK_OFF))
+            gains.append((best if small is None else small).gain)
         values = np.linalg.solve(choice.transform, np.array(gains).T).T[:, :, None]
         return through_vertices(vertices, values, EnclosureSystem.of(system).box)
 
@@ -241,10 +244,16 @@ class IntervalWidth:
         return claims
 
     def _programme(
-        self, system: System, T: np.ndarray, vertices: Sequence[Vertex], gains: np.ndarray | None = None
+        self, system: System, T: np.ndarray, vertex: Vertex, *, gain: np.ndarray | None = None, limit: float = np.inf
     ) -> Programme:
         cost = self._cost(system, EnclosureSystem.of(system, T))
-        return Programme(vertices, cost, self._inputs(system), self.decay_rate, gains, self.gain_limit)
+        return Programme(vertex, cost, self._inputs(system), self.decay_rate, gain, limit)
+
+    def _limit(self, vertices: Sequence[Vertex]) -> float:
+        if self.gain_limit is not None:
+            return self.gain_limit
+        output = max(float(np.abs(v.C).max()) for v in vertices)
+        return _LARGEST_GAIN * max(float(np.abs(v.A).max()) for v in vertices) / output
 
     def _cost(self, system: System, here: EnclosureSystem) -> np.ndarray:
         """Weights of the widths of z: the width of x is |T^-1| times that of z."""

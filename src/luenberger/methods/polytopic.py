@@ -63,7 +63,7 @@ class PolytopicLuenberger:
     relaxation: Relaxation = field(default_factory=Bernstein)
 
     references: ClassVar[tuple[str, ...]] = (
-        "Y. Wang, dissertation, University of California, Berkeley, 2014, eq. (3.27)",
+        "Y. Wang, dissertation, Auburn University, 2014, eq. (3.27)",
         "S. Boyd, L. El Ghaoui, E. Feron, V. Balakrishnan, Linear Matrix Inequalities in System and Control Theory, SIAM 1994",
     )
 

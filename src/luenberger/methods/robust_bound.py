@@ -36,7 +36,7 @@ class GammaStar:
     Args:
         level: smallest H2 or L2 gain.
         unseen: V = P N, shape (nx, nk).
-        direction: L1 / L2 of large gains for two states and one output, else None.
+        direction: L1 / L2 of large gains for two states and one output where L2 is not zero, else None.
     """
 
     level: float
@@ -118,9 +118,11 @@ def gamma_star(
     level, more = _positive(norm, V, N, W, reach)
     found = solve(Problem({**unknowns, **more}, [*blocks, *level], reach))
     if found is None or not found.objective > 0:
-        raise Infeasible(f"No gain gives `{system.name}` a finite {norm} level with a constant storage.", f"{norm}_gain")
+        raise Infeasible(
+            f"No gain gives `{system.name}` a finite {norm} level with a constant storage.", f"{norm}_gain"
+        )
     unseen = found.values["V"]
-    known = system.nx == 2 and unseen.shape[1] == 1
+    known = unseen.shape == (2, 1) and unseen[0, 0] != 0
     # A large gain is a multiple of P^-1 C'; for two states that is orthogonal to V.
     return GammaStar(float(np.sqrt(found.objective)), unseen, float(-unseen[1, 0] / unseen[0, 0]) if known else None)
 
@@ -161,7 +163,9 @@ def _positive(
         return [_block("storage", -size)], {}
     Z = cp.Variable((W.shape[0], W.shape[0]), symmetric=True, name="Z")
     wide = symmetric([[size, N.T @ W.T], [Z]])
-    return [_block("trace", -wide), _block("level", (cp.trace(Z) - reach) * np.eye(1))], {"Z": Z}
+    unit = np.eye(W.shape[0])
+    trace = sum((unit[[k]] @ Z @ unit[:, [k]] for k in range(1, W.shape[0])), start=unit[[0]] @ Z @ unit[:, [0]])
+    return [_block("trace", -wide), _block("level", trace - reach * np.eye(1))], {"Z": Z}
 
 
 def _free_copy(system: System, V: cp.Variable) -> tuple[dict[str, Polynomial], dict[str, cp.Variable]]:
@@ -198,9 +202,16 @@ def _corners(system: System) -> Iterator[_Corner]:
         A, B, E = (system.polynomial(letter) for letter in "ABE")
         yield _Corner(
             measured,
-            *(np.asarray(m({n: where[n] for n in m.names})) for where in (true, measured) for m in (A, B)),
-            np.asarray(E({n: true[n] for n in E.names})),
+            _numbers(A, true),
+            _numbers(B, true),
+            _numbers(A, measured),
+            _numbers(B, measured),
+            _numbers(E, true),
         )
+
+
+def _numbers(matrix: Polynomial, values: Mapping[str, float]) -> np.ndarray:
+    return np.asarray(matrix({n: values[n] for n in matrix.names}))
 
 
 def _obstacle(system: System, inputs: str) -> str:

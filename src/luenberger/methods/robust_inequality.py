@@ -19,7 +19,7 @@ import numpy as np
 from luenberger.algebra import Polynomial, symmetric
 from luenberger.certify import Claim
 from luenberger.core import NotAccepted
-from luenberger.lmi import Bernstein, Block, Problem, Relaxation, rounded_storage, solve
+from luenberger.lmi import Bernstein, Block, Problem, Relaxation, centre, rounded_storage, solve
 from luenberger.systems import System
 from luenberger.systems.error_system import ErrorSystem, Form
 from luenberger.systems.jacobian_box import error_box
@@ -134,7 +134,7 @@ def norm_blocks(
         relaxation: how the box is replaced by finitely many inequalities.
     """
     nz, nw = weight.shape[0], PB.shape[1]
-    one, constant = np.eye(1), Polynomial.constant
+    constant = Polynomial.constant
     if norm == "l2":
         corner = PA + PA.T + constant(size * (weight.T @ weight))
         matrix = symmetric([[corner, PB], [constant(-reach * np.eye(nw))]])
@@ -145,9 +145,19 @@ def norm_blocks(
     blocks = [
         Block("h2_gain", matrix, box, relaxation=relaxation),
         Block("trace", -wide),
-        Block("level", constant((cp.trace(Z) - reach) * one)),
+        Block("level", constant(trace_of(Z) - reach * np.eye(1))),
     ]
     return blocks, {"Z": Z}
+
+
+def trace_of(Z: cp.Variable) -> Any:
+    """Return the trace as a 1 x 1 expression made of products, which are read without asking for gradients.
+
+    Args:
+        Z: square matrix.
+    """
+    unit = np.eye(Z.shape[0])
+    return sum((unit[[k]] @ Z @ unit[:, [k]] for k in range(1, Z.shape[0])), start=unit[[0]] @ Z @ unit[:, [0]])
 
 
 def norm_claim(
@@ -171,19 +181,9 @@ def norm_claim(
     return Claim("h2_gain", level, P, None, weight, inputs, form, Z)
 
 
-def given_level(
-    system: System,
-    gain: Polynomial,
-    norm: Norm,
-    inputs: str,
-    form: Form,
-    *,
-    model: System | None = None,
-    weight: np.ndarray | None = None,
-    coordinates: np.ndarray | None = None,
-    solvers: tuple[str, ...] | None = None,
-) -> float | None:
-    """Return the smallest level that a gain which is already fixed has with a constant storage, or None.
+@dataclass(frozen=True)
+class GivenGain:
+    """A gain that is fixed, with what its level is asked for.
 
     Args:
         system: plant.
@@ -192,19 +192,53 @@ def given_level(
         inputs: channels of w.
         form: which signal a scheduling error multiplies.
         model: what the observer copies; None for the plant itself.
-        weight: W, default the identity.
+        weight: W, shape (nz, nx), None for the identity.
         coordinates: T of e = T z, in which the problem is posed; a large gain needs them for its numbers to fit.
-        solvers: names to try in order.
     """
-    nx = system.nx
-    T = np.eye(nx) if coordinates is None else coordinates
-    error = ErrorSystem.of(system, gain, model=model, form=form)
-    P, reach = cp.Variable((nx, nx), symmetric=True, name="P"), cp.Variable(name="reach")
-    A, B = np.linalg.inv(T) @ error.A @ T, np.linalg.inv(T) @ error.joined(inputs)
-    W = (np.eye(nx) if weight is None else weight) @ T
-    blocks, more = norm_blocks(
-        norm, P, Polynomial.constant(P) @ A, Polynomial.constant(P) @ B, W, 1.0, reach, error_box(system), Bernstein()
-    )
-    blocks.append(Block("storage", Polynomial.constant(-P)))
-    found = solve(Problem({"P": P, "reach": reach, **more}, blocks, reach), solvers=solvers)
-    return None if found is None or found.objective <= 0 else float(np.sqrt(found.objective))
+
+    system: System
+    gain: Polynomial
+    norm: Norm
+    inputs: str = "scheduling"
+    form: Form = "plant"
+    model: System | None = None
+    weight: np.ndarray | None = None
+    coordinates: np.ndarray | None = None
+
+    def level(self) -> float | None:
+        """Return the smallest level with a constant storage, or None."""
+        found = solve(self._posed())
+        return None if found is None or found.objective <= 0 else float(np.sqrt(found.objective))
+
+    def claim(self, back_off: float = 0.02) -> Claim | None:
+        """Return a claim with witnesses that leave room for a proof, or None.
+
+        Args:
+            back_off: part of the squared level that is given away.
+        """
+        found = centre(self._posed(), back_off=back_off)
+        if found is None:
+            return None
+        back = np.linalg.inv(self._transform())
+        values = {**found.values, "P": back.T @ found.values["P"] @ back}
+        # The centre lies strictly inside, so that the level itself may be rounded up by its last digits.
+        level = float(np.sqrt(found.values["reach"])) * (1 + 1e-9)
+        return norm_claim(self.norm, values, 1.0, level, self._weight(), self.inputs, self.form)
+
+    def _transform(self) -> np.ndarray:
+        return np.eye(self.system.nx) if self.coordinates is None else self.coordinates
+
+    def _weight(self) -> np.ndarray:
+        return np.eye(self.system.nx) if self.weight is None else self.weight
+
+    def _posed(self) -> Problem:
+        T, nx = self._transform(), self.system.nx
+        back = np.linalg.inv(T)
+        error = ErrorSystem.of(self.system, self.gain, model=self.model, form=self.form)
+        P, reach = cp.Variable((nx, nx), symmetric=True, name="P"), cp.Variable(name="reach")
+        PA = Polynomial.constant(P) @ (back @ error.A @ T)
+        PB = Polynomial.constant(P) @ (back @ error.joined(self.inputs))
+        box = error_box(self.system)
+        blocks, more = norm_blocks(self.norm, P, PA, PB, self._weight() @ T, 1.0, reach, box, Bernstein())
+        blocks.append(Block("storage", Polynomial.constant(-P)))
+        return Problem({"P": P, "reach": reach, **more}, blocks, reach)

@@ -114,6 +114,31 @@ class Enclosed(eqx.Module):
             )
         return Drift(loop, gain, cells["CA"] if ny else [], forcing, slack, ends)
 
+    def outputs(self, lower: Any, upper: Any, u: Any, r: Any) -> tuple[Any, Any]:
+        """Return the interval of what may be read as output while the state lies between bounds, two times shape (ny,).
+
+        Args:
+            lower: lower bound of x, shape (nx,).
+            upper: upper bound of x, shape (nx,).
+            u: measured input, shape (nu,).
+            r: measured scheduling, shape (nr,).
+        """
+        names = [n for n, _ in self.hidden]
+        known = {n: r[k] for k, n in enumerate(self.system.scheduling_names) if n not in names}
+        cells = {k: _cells(self.matrices[k], known) for k in ("C", "D", "GDN") if k in self.matrices}
+        ends = {**self._ends(r), **{("state", j): (lower[j], upper[j]) for j in range(self.system.nx)}}
+        low, high = [], []
+        for o in range(self.system.ny):
+            slack = self._slack(cells["GDN"][o] if self.noise else [], [], ends)
+            terms: Terms = {}
+            for j, c in enumerate(cells["C"][o]):
+                terms = plus(terms, {key | {("state", j)}: v for key, v in c.items()})
+            for j, c in enumerate(cells["D"][o]):
+                terms = plus(terms, times(c, u[j]))
+            low.append(-largest(times(terms, -1.0), ends) - slack)
+            high.append(largest(terms, ends) + slack)
+        return jnp.stack([jnp.asarray(v) for v in low]), jnp.stack([jnp.asarray(v) for v in high])
+
     def largest_entries(self, gain: Polynomial) -> np.ndarray:
         """Return the largest |entry| of [[T (A - L C) T^-1, T L], [C A T^-1, 0]] over the box, shape (nx + ny, nx + ny).
 

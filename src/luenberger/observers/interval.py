@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted
@@ -131,7 +132,7 @@ class IntervalObserver(Observer):
             raise BadInput(
                 f"`x0` has shape {x.shape}; a guess ({nx},) or the bounds (2, {nx}), lower first, are needed."
             )
-        if not isinstance(x, jax.core.Tracer) and bool(jnp.any(x[0] > x[1])):
+        if not isinstance(x, Tracer) and bool(jnp.any(x[0] > x[1])):
             raise BadInput(f"`x0` has the lower bound {x[0]} above the upper bound {x[1]}; give the lower one first.")
         return jnp.stack(_turned(self.plant.value.transform, x[0], x[1]))
 

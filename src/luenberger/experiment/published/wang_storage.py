@@ -152,10 +152,10 @@ def storage_rows() -> Iterator[Row]:
         gap = max(abs(a - b) / b for a, b in zip(levels, (common, affine, weighted), strict=True))
         yield judged(
             f"robust H-infinity, joint hull, {name}: common P, affine P, affine P with a term in vx",
-            "(3.43), theory page",
+            "(3.43)",
             f"{common:.4f} / {affine:.4f} / {weighted:.4f}",
             " / ".join(f"{level:.4f}" for level in levels),
-            f"Largest gap {100 * gap:.1f} %: the page has grid values, ours hold on the whole box "
+            f"Largest gap {100 * gap:.1f} %: those beside are of an independent implementation on a grid, ours hold on the whole box "
             f"(the last one {outcome.value} in exact rationals one percent above).",
             reproduced=gap <= 0.015 and outcome is Outcome.PROVED,
             deviation=max(abs(a - b) for a, b in zip(levels, (common, affine, weighted), strict=True)),
@@ -173,7 +173,7 @@ def _lie() -> Row:
     outcomes = [speed_weighted_outcome(noisy, gain, "both", "plant", found) for found in (coarse, honest)]
     return judged(
         "a coarse grid with a term in vx (unit disturbance, noise 0.2): claimed, and true",
-        "theory page",
+        "(3.43)",
         "0.2614 claimed, 0.3226 true",
         f"{coarse.level:.4f} claimed ({outcomes[0].value}), {honest.level:.4f} {outcomes[1].value}",
         "Same effect with the gain (5, -5): between the grid points the storage is free, so the claim is refuted with a point. "
