@@ -10,6 +10,7 @@ from luenberger.algebra import Polynomial
 from luenberger.experiment.published.flexible_joint import TRANSFORM, flexible_joint, gravity
 from luenberger.methods import (
     IntervalLuenberger,
+    IntervalWidth,
     KalmanGain,
     LipschitzDisturbance,
     LipschitzPareto,
@@ -18,6 +19,7 @@ from luenberger.methods import (
     PolytopicLuenberger,
     RobustLuenberger,
     StructuredLipschitz,
+    UnstructuredObserver,
 )
 from luenberger.systems import Nonlinearity, Parameter, System
 from luenberger.vehicle import brush_tyres, carmaker_car, ferrari_250lm, slip_angle_plant, wang_car
@@ -80,6 +82,13 @@ def erring_car() -> System:
     )
 
 
+def sloping_car() -> System:
+    """The same car with y taken as measured, as the unstructured observer of the dissertation has it."""
+    return slip_angle_plant(
+        wang_car, (15 / 3.6, 150 / 3.6), (-8.0, 8.0), scale_error=((-0.1, 0.1), (-0.2, 0.2)), output="slip_difference"
+    )
+
+
 def uncertain_car() -> System:
     """Slip angles of the car of the dissertation with the stiffness box of (4.45), noise and a force offset."""
     return slip_angle_plant(
@@ -126,5 +135,7 @@ ROWS = (
     Row("robust L2", erring_car, RobustLuenberger("l2", "scheduling+noise", schedule="constant"), reach=0.1),
     Row("robust H2", erring_car, RobustLuenberger("h2", "scheduling+noise", schedule="constant"), reach=0.1),
     Row("interval, residual", uncertain_car, IntervalLuenberger(), reach=0.1, options=HALF),
+    Row("unstructured L2", sloping_car, UnstructuredObserver("l2"), reach=0.1),
+    Row("interval, width", uncertain_car, IntervalWidth([0.05, 0.05], gain_limit=40.0), reach=0.1, options=HALF),
     Row("interval, mismatch", uncertain_car, IntervalLuenberger("mismatch", noise=True), reach=0.1, options=HALF),
 )

@@ -7,7 +7,6 @@ from luenberger.algebra import Polynomial
 from luenberger.certify import certify_claims
 from luenberger.core import BadInput, Infeasible, NotAccepted, Outcome
 from luenberger.experiment.published.wang_plants import theta_plant
-from luenberger.methods.robust_inequality import Affine, GivenGain
 from luenberger.methods.robust_luenberger import RobustLuenberger
 from luenberger.synthesize import synthesize
 from luenberger.systems import Parameter, System
@@ -50,30 +49,6 @@ def test_scalar_l2_optimum() -> None:
     found = RobustLuenberger("l2", "both").optimum(noisy_scalar())
     # (1 + L^2) / (1 + L)^2 is least at L = 1: 1/2.
     assert found.level == pytest.approx(np.sqrt(0.5), rel=1e-6)
-
-
-def test_level_of_a_scalar_gain_by_hand() -> None:
-    L = Polynomial.constant([[0.7]])
-    h2, l2 = (GivenGain(noisy_scalar(), L, n, "both").level() for n in ("h2", "l2"))  # type: ignore[arg-type]
-    assert h2 == pytest.approx(np.sqrt((1 + 0.49) / (2 * 1.7)), rel=1e-6)
-    assert l2 == pytest.approx(np.sqrt(1 + 0.49) / 1.7, rel=1e-6)
-
-
-@pytest.mark.parametrize("form", ["plant", "estimate"])
-def test_slopes_in_the_gain_are_those_of_the_error_system(form: Form) -> None:
-    plant, generator = two_springs(), np.random.default_rng(0)
-    L = generator.normal(size=(3, 2))
-    error, parts = ErrorSystem.of(plant, Polynomial.constant(L), form=form), Affine.of(plant, "scheduling+noise", form)
-    point = {n: generator.uniform(*i) for n, i in error.box.items()}
-
-    def at(matrix: Polynomial) -> np.ndarray:
-        return np.asarray(matrix({n: point[n] for n in matrix.names}))
-
-    np.testing.assert_allclose(at(parts.A) - L @ at(parts.CA), at(error.A), atol=1e-13)
-    np.testing.assert_allclose(at(parts.B) - L @ at(parts.CB), at(error.joined("scheduling+noise")), atol=1e-13)
-    T = parts.shrunk(4.0)
-    moved = parts.seen_from(T)
-    np.testing.assert_allclose(T @ (at(moved.A) - np.linalg.inv(T) @ L @ at(moved.CA)), at(error.A) @ T, atol=1e-12)
 
 
 @pytest.mark.parametrize("norm", ["h2", "l2"])

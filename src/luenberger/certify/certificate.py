@@ -208,6 +208,8 @@ def assumptions(system: System, claims: Sequence[Claim] = ()) -> tuple[str, ...]
     ]
     for p in system.parameters:
         lines.append(_parameter_sentence(p, system.scheduling_error is not None, by_rate))
+    if system.noise_bound is None and any(c.kind in ("containment", "width") for c in claims):
+        lines.append("What is measured is taken without noise.")
     for what, bound in (("disturbance", system.disturbance_bound), ("noise", system.noise_bound)):
         if bound is not None:
             lines.append(

@@ -44,12 +44,14 @@ class Claim:
         storage: the witness P, shape (nx, nx), or P(r) as a polynomial of the scheduling; None where none is needed.
         multiplier: witness of the norm-bounded channel where the plant has one.
         weight: performance output of a gain claim, shape (nz, nx).
-        inputs: channels of w joined by "+": "disturbance", "noise", "scheduling"; "both" is "disturbance+noise".
+        inputs: channels of w joined by "+": "disturbance", "noise", "scheduling"; "both" is "disturbance+noise". For a
+            width gain "residual" (what the maximisation over q adds to the drift) or "mismatch" (|x| in units of
+            `state_bound`), each with "+noise" where noise counts too.
         form: which signal a scheduling error multiplies, see `ErrorSystem.of`.
         trace: witness Z of an H2 claim, shape (nz, nz): [P, W'; W, Z] > 0 and trace Z < level.
         transform: coordinates T of an enclosure claim, shape (nx, nx); None for the states themselves.
         vector: witness of a width claim, shape (nx,).
-        state_bound: |x_k| <= bound that a width claim assumes, shape (nx,).
+        state_bound: |x_k| <= bound that a width claim assumes, shape (nx,), or (nx + nu,) with bounds of the inputs.
 
     Raises:
         BadInput: negative or non-finite level, missing witness.
@@ -101,7 +103,11 @@ class Claim:
                 return f"From unit white {what}, the root mean square of W e stays below {self.level:.6g} at frozen parameters."
             return f"From zero initial error, |W e|_2 <= {self.level:.6g} |w|_2 for every {what} w of finite energy."
         if self.kind in _enclosures:
-            return _enclosures[self.kind].format(level=self.level)
+            drive = {"residual": "residual of the maximisation", "mismatch": "|x|"}.get(
+                self.inputs.split("+")[0], "input"
+            )
+            noise = " and noise" * self.inputs.endswith("+noise")
+            return _enclosures[self.kind].format(level=self.level, drive=drive + noise)
         if isinstance(self.storage, Polynomial):
             return f"Without disturbance and noise, e' P(r) e falls at least like exp(-{2 * self.level:.6g} t) inside the stated sets and rates."
         P = np.asarray(self.storage)
@@ -147,7 +153,7 @@ _inputs = {
 _enclosures = {
     "cooperative": "The error keeps its order: what starts between the bounds stays between them.",
     "width_decay": "Without noise, offsets and mismatch the width of the enclosure falls at least like exp(-{level:.6g} t).",
-    "width_gain": "From zero width, |W width|_2 <= {level:.6g} |mismatch|_2.",
+    "width_gain": "From zero width, the energy norm of W width stays below {level:.6g} times that of the {drive}.",
     "width": "Once below the stated widths the enclosure stays below them; the largest is {level:.6g}.",
     "containment": "The true state never leaves the enclosure while the stated bounds hold and it starts inside.",
 }

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from luenberger.core import Trajectory
 from luenberger.design import Design
-from luenberger.observers import Observer
+from luenberger.observers import Estimate, Observer
 from luenberger.replay import Channels
 from luenberger.report.tables import Table
 from luenberger.vehicle import VehicleParameters
@@ -43,7 +42,7 @@ class Entrant:
         sideslip: takes its states, shape (nt, nx), and the trajectory, returns the sideslip [rad], shape (nt,).
         constants: channels that hold a number of the entrant, so that tuning compiles once.
         design: gain with certificate, None for filters and anchors.
-        watch: takes a name, a log and the bounds of the sideslip, returns a table of what was assumed and how long it held.
+        watch: takes a name, a log and the bounds of the slip angles, returns a table of what was assumed and how long it held.
         notes: what was learned or chosen when the entrant was built, one sentence each.
     """
 
@@ -52,7 +51,7 @@ class Entrant:
     sideslip: Callable[[np.ndarray, Trajectory], np.ndarray]
     constants: Mapping[str, float] = field(default_factory=dict)
     design: Design | None = None
-    watch: Callable[[str, Trajectory, Any], Table] | None = None
+    watch: Callable[[str, Trajectory, Estimate], Table] | None = None
     notes: tuple[str, ...] = ()
 
 

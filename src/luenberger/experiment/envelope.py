@@ -1,17 +1,17 @@
 """Entrants that draw a guaranteed envelope of the sideslip, and the watch over what the guarantee assumes."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
 from luenberger.core import BadInput, Trajectory
-from luenberger.design import Design
 from luenberger.experiment.entrant import Entrant, Setting
 from luenberger.methods.method import Method
+from luenberger.observers import Drive, Estimate, Sector, explain, monitor
 from luenberger.replay import Channels
 from luenberger.report.tables import Table
 from luenberger.synthesize import synthesize
+from luenberger.systems import System
 from luenberger.vehicle import VehicleParameters, sideslip_from_rear_slip, slip_angle_plant
 from luenberger.vehicle.stiffness_box import StiffnessBox, axle_forces, stiffness_box
 
@@ -64,8 +64,8 @@ def envelope(method: Callable[[Mapping[str, float]], Method]) -> Callable[[Setti
             speed, yaw_rate = trajectory["speed"].values, trajectory["yaw_rate"].values
             return np.asarray(sideslip_from_rear_slip(x[:, 1], speed, yaw_rate, setting.car))
 
-        def watch(name: str, log: Trajectory, bounds: Any) -> Table:
-            return watched(name, log, bounds, setting.car, box, design)
+        def watch(name: str, log: Trajectory, estimate: Estimate) -> Table:
+            return watched(name, log, estimate, setting.car, box, plant)
 
         return Entrant(observer, channels, sideslip, design=design, watch=watch, notes=(how,))
 
@@ -96,55 +96,47 @@ def _box(setting: Setting, options: Mapping[str, float]) -> tuple[StiffnessBox, 
 
 
 def watched(
-    name: str, log: Trajectory, bounds: Any, car: VehicleParameters, box: StiffnessBox, design: Design
+    name: str, log: Trajectory, estimate: Estimate, car: VehicleParameters, box: StiffnessBox, system: System
 ) -> Table:
-    """Return how long each assumption of the guarantee held on a log, and which one was broken where the truth got out.
+    """Return how long each assumption of the guarantee held on a log, and which ones were broken where the truth got out.
 
     Args:
         name: of the entrant.
         log: scored log with the true slip angles.
-        bounds: (lower, upper) sideslip [rad], each (nt,).
+        estimate: bounds of the slip angles, each (nt, 2).
         car: mass, inertia, axle distances.
         box: stiffness box and force offset that were believed.
-        design: gives the scheduling box.
+        system: the plant with its bounds.
     """
-    held = _assumptions(log, car, box, design)
-    truth = log["sideslip"].values
-    lower, upper = bounds
-    outside = (truth < lower) | (truth > upper)
-    excess = np.maximum(np.maximum(lower - truth, truth - upper), 0.0)
+    slip, force = log.table(["front_slip", "rear_slip"]), axle_forces(log, car)
+    axles = zip(("front", "rear"), (box.front, box.rear), box.offset, strict=True)
+    drive = Drive(
+        time=log.time,
+        r=log.table(system.scheduling_names),
+        u=log.table(system.inputs),
+        y=log.table(system.outputs),
+        estimate=estimate,
+        x=slip,
+        sectors=[
+            Sector(f"{axle} axle force", slip[:, k], force[:, k], interval, offset)
+            for k, (axle, interval, offset) in enumerate(axles)
+        ],
+    )
+    assumptions = monitor(system, drive)
+    lower, upper = np.asarray(estimate.lower), np.asarray(estimate.upper)
+    excess = np.maximum(np.maximum(lower - slip, slip - upper).max(axis=1), 0.0)
+    stretches = explain(log.time, excess, assumptions, MEMORY)
     rows = []
-    for what, good in held.items():
-        broken = np.flatnonzero(~good)
-        first = None if not broken.size else float(log.time[broken[0]])
-        near = _recently(~good, log.time)
-        blamed = 100 * float(near[outside].mean()) if outside.any() else None
-        rows.append([what, 100 * float(good.mean()), first, blamed])
-    clear = outside & ~np.logical_or.reduce([_recently(~good, log.time) for good in held.values()])
+    for a in assumptions:
+        blamed = 100 * float(np.mean([a.name in v.causes for v in stretches])) if stretches else None
+        rows.append([a.name.replace("_", " "), 100 * a.share, a.first_break_time, blamed])
+    clear = sum(not v.causes for v in stretches)
     notes = [
-        f"The truth was outside the envelope for {100 * outside.mean():.2f} % of the samples, by "
-        f"{np.rad2deg(excess.max()):.2f} deg at most. Violations with a broken assumption in the {MEMORY:g} s before: "
-        f"{int((outside & ~clear).sum())} of {int(outside.sum())} samples.",
-        "The axle forces are those that make the slip-angle equations exact on the log; they need the truth and look ahead.",
+        f"A slip angle was outside the envelope for {100 * float((excess > 0).mean()):.2f} % of the samples, in "
+        f"{len(stretches)} stretches, by {np.rad2deg(excess.max()):.2f} deg at most; {len(stretches) - clear} of them had a "
+        f"broken assumption at the time or in the {MEMORY:g} s before.",
+        "The last column is the share of those stretches. The axle forces are those that make the slip-angle equations exact on "
+        "the log; they need the truth and look ahead. Noise cannot be seen in a log and is not watched.",
     ]
     columns = ["assumption", "held [%]", "first broken [s]", "of violations [%]"]
     return Table(columns, rows, notes, f"What the envelope of {name} assumes")
-
-
-def _assumptions(log: Trajectory, car: VehicleParameters, box: StiffnessBox, design: Design) -> dict[str, np.ndarray]:
-    """Assumption -> whether it held at every sample."""
-    held: dict[str, np.ndarray] = {}
-    for what, (lower, upper) in design.system.scheduling_box.items():
-        values = log[what].values
-        held[f"{what.replace('_', ' ')} in its box"] = (lower <= values) & (values <= upper)
-    slip = log.table(["front_slip", "rear_slip"])
-    excess = box.excess(slip, axle_forces(log, car))
-    for k, axle in enumerate(("front", "rear")):
-        held[f"{axle} axle force within stiffness box and offset"] = excess[:, k] <= 0
-    return held
-
-
-def _recently(broken: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Whether something broke within the memory before each sample."""
-    last = np.maximum.accumulate(np.where(broken, time, -np.inf))
-    return time - last <= MEMORY

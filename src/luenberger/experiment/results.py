@@ -17,6 +17,7 @@ from luenberger.experiment.entrant import Entrant
 from luenberger.experiment.entrants import kind_of
 from luenberger.experiment.specification import Specification
 from luenberger.experiment.tuning import Tuned
+from luenberger.observers import Estimate
 from luenberger.replay import Channels, replay
 from luenberger.report.citations import citations
 from luenberger.report.figures import comparison_figures
@@ -76,11 +77,13 @@ class Run:
         sideslip: name -> estimate [rad], shape (nt,).
         bounds: name -> guaranteed (lower, upper) sideslip [rad], for entrants that give them.
         seconds: name -> computing time of a step [s]; empty where it was not measured.
+        estimates: name -> what the observer said, arrays with a leading axis of samples.
     """
 
     sideslip: Mapping[str, np.ndarray]
     bounds: Bounds = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 def replayed(entrants: Mapping[str, Entrant], log: Trajectory, timing: bool = True) -> Run:
@@ -111,7 +114,7 @@ def replayed(entrants: Mapping[str, Entrant], log: Trajectory, timing: bool = Tr
             # The sideslip falls or rises with the state that carries it; the smaller end is the lower bound either way.
             ends = [entrant.sideslip(np.asarray(x), log) for x in (estimate.lower, estimate.upper)]
             bounds[name] = (np.minimum(*ends), np.maximum(*ends))
-    return Run(sideslip, bounds, dict(run.seconds_per_step or {}))
+    return Run(sideslip, bounds, dict(run.seconds_per_step or {}), run.estimates)
 
 
 def rmse(estimate: np.ndarray, log: Trajectory, skip: float) -> float:
@@ -247,7 +250,7 @@ def written(
     columns = {"time": log.time, "truth": log["sideslip"].values, **run.sideslip, **ends}
     files.append(folder / "sideslip.csv")
     pd.DataFrame(columns).to_csv(files[-1], index=False, float_format="%.9g")
-    watched = enclosed + [e.watch(n, log, run.bounds.get(n)) for n, e in entrants.items() if e.watch is not None]
+    watched = enclosed + [e.watch(n, log, run.estimates[n]) for n, e in entrants.items() if e.watch is not None]
     page = Page(
         title=spec.title,
         summary=summary,

@@ -1,6 +1,7 @@
 """One published design per file."""
 
 from luenberger.methods.interval import IntervalLuenberger
+from luenberger.methods.interval_width import IntervalWidth
 from luenberger.methods.kalman_gain import KalmanGain
 from luenberger.methods.lipschitz_algorithm import AlgorithmReport, MarginTable, lipschitz_algorithm
 from luenberger.methods.lipschitz_bracket import EpsilonBracket, MarginBracket, largest_epsilon, margin_bracket
@@ -14,6 +15,7 @@ from luenberger.methods.polytopic import PolytopicLuenberger
 from luenberger.methods.robust_bound import gamma_star
 from luenberger.methods.robust_luenberger import RobustLuenberger
 from luenberger.methods.structured_lipschitz import StructuredLipschitz
+from luenberger.methods.unstructured import UnstructuredObserver
 
 METHODS: dict[str, type[Method]] = {
     method.__name__: method
@@ -25,7 +27,9 @@ METHODS: dict[str, type[Method]] = {
         LipschitzDisturbance,
         KalmanGain,
         RobustLuenberger,
+        UnstructuredObserver,
         IntervalLuenberger,
+        IntervalWidth,
     )
 }
 
@@ -35,6 +39,7 @@ __all__ = [
     "Candidate",
     "EpsilonBracket",
     "IntervalLuenberger",
+    "IntervalWidth",
     "KalmanGain",
     "LipschitzDisturbance",
     "LipschitzPareto",
@@ -45,6 +50,7 @@ __all__ = [
     "PolytopicLuenberger",
     "RobustLuenberger",
     "StructuredLipschitz",
+    "UnstructuredObserver",
     "disturbance_bound",
     "disturbance_gain",
     "gamma_star",

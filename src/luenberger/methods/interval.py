@@ -42,8 +42,8 @@ class IntervalLuenberger:
     """Upper and lower bounds of the state, by a gain that keeps order and bounds the energy of the width.
 
     Choose it where cornering stiffness (any hidden parameter) has an interval and a guaranteed enclosure is wanted. The
-    objective "residual" is the published one; "mismatch" also counts that the width grows with the state, and gave
-    narrower enclosures wherever we compared. `IntervalWidth` minimises the width itself.
+    objective "residual" is the published one; "mismatch" also counts that the width grows with the state. Neither level is the
+    width itself: `IntervalWidth` minimises that.
 
     Assumes: x' = A(r, q) x + B(r, q) u + E d, y = C(r) x + D(r) u + G v, r measured, q in its box, arbitrarily fast; d, v
     within their stated bounds. A, B multi-affine in q.

@@ -56,7 +56,7 @@ class IntervalWidth:
             one T, shape (nx, nx).
 
     The gain is multi-affine in r through the optima of the frozen vertices of the scheduling box: its cost is the mean of
-    the weighted steady widths there, and no other gain has less. The widths of the claim hold for all r together and are wider.
+    the weighted steady widths there, within 1 % of the least that gains below the limit reach. The widths of the claim hold for all r together and are wider.
 
     Reference: the width inequality w' <= (A - L C) w + b is Wang, dissertation 2014, (4.35), with the residuals of (4.21) bounded by
         the range of A over q; fixing C v turns the search for L into linear programmes, which is ours.

@@ -5,19 +5,26 @@ from luenberger.observers.correction import CorrectionObserver, substeps_needed
 from luenberger.observers.gaussian import Belief
 from luenberger.observers.interval import IntervalObserver
 from luenberger.observers.kalman import ExtendedKalmanFilter, KalmanFilter
+from luenberger.observers.monitor import Assumption, Drive, Sector, Violation, explain, monitor
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.unscented import UnscentedKalmanFilter
 
 __all__ = [
     "AlgebraicEstimate",
+    "Assumption",
     "Belief",
     "CorrectionObserver",
+    "Drive",
     "Estimate",
     "ExtendedKalmanFilter",
     "IntervalObserver",
     "KalmanFilter",
     "Observer",
+    "Sector",
     "UnscentedKalmanFilter",
+    "Violation",
+    "explain",
+    "monitor",
     "substeps_needed",
     "zero_estimate",
 ]

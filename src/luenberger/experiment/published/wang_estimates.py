@@ -14,6 +14,7 @@ from luenberger.observers import Observer
 
 FIGURE, PAGE = "Figs. 3.9 to 3.17", "independent implementation"
 ABSENT = "not run: package absent"
+AS_PRINTED = "feasibility gain as printed"
 CASES = (
     Case(),
     Case(-0.04, 0.06),
@@ -93,7 +94,10 @@ def estimate_rows() -> Iterator[Row]:
     found, true = slip_estimates(observers, truth), slip_truth(truth)
     errors = {name: root_mean_squares(x, true) for name, x in found.items()}
     yield from _table("linear", _LINEAR, errors)
-    yield from claim_rows(errors, {name: tenth_time(x[0], true) for name, x in found.items()})
+    settling = {name: tenth_time(x[0], true) for name, x in found.items()}
+    literal = {AS_PRINTED: printed_observers(STEP, flipped=False)["feasibility gain"]}
+    settling[AS_PRINTED] = tenth_time(slip_estimates(literal, truth, CASES[:1])[AS_PRINTED][0], true)
+    yield from claim_rows(errors, settling)
     yield sign_row(truth)
     drift = drift_truth()
     if drift is None:
@@ -151,9 +155,10 @@ def claim_rows(errors: Mapping[str, np.ndarray], settling: Mapping[str, float]) 
         "section 3.3",
         "quickly",
         told,
-        "True of the optimal gains. The printed gain of the feasibility problem is slower than no correction at all, since (3.27) asks for no decay.",
+        "True of the optimal gains. The gain of the feasibility problem is slower than no correction at all, with row two turned and "
+        "without (then it lies almost along (1, 1), which y does not show), since (3.27) asks for no decay.",
         reproduced=False,
-        corrected=quick and settling["feasibility gain"] > settling["no correction"],
+        corrected=quick and min(settling["feasibility gain"], settling[AS_PRINTED]) > settling["no correction"],
     )
     grown = {n: float(e[6].sum() / max(e[0].sum(), 1e-3)) for n, e in errors.items() if n in _ORDER[1:5]}
     yield judged(

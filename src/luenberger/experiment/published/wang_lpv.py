@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 
 from luenberger.experiment.published.row import Row
+from luenberger.experiment.published.wang_designs import design_rows
 from luenberger.experiment.published.wang_estimates import estimate_rows
 from luenberger.experiment.published.wang_filters import filter_rows
 from luenberger.experiment.published.wang_preliminaries import preliminary_rows
@@ -19,7 +20,7 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
         progress: called with each row as soon as it is known.
 
     Returns:
-        rows in the order preliminaries, estimates and claims, filters, moving storages.
+        rows in the order preliminaries, designs, estimates and claims, filters, moving storages.
     """
     found: list[Row] = []
     for row in _all():
@@ -30,4 +31,4 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
 
 
 def _all() -> Iterator[Row]:
-    return chain(preliminary_rows(), estimate_rows(), filter_rows(), storage_rows())
+    return chain(preliminary_rows(), design_rows(), estimate_rows(), filter_rows(), storage_rows())

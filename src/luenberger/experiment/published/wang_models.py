@@ -115,7 +115,7 @@ def _unobservable() -> Row:
         "a Cf = b Cr: the car is exactly neutral steer, so af = ar is seen by no output and no gain reaches it. "
         "Detectability is all that can be claimed.",
         reproduced=False,
-        corrected=max(ratios) < 1e-12 and max(gaps) < 1e-8,
+        corrected=float(max(ratios)) < 1e-12 and float(max(gaps)) < 1e-8,
     )
 
 
