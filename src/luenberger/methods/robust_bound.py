@@ -102,11 +102,32 @@ def gamma_star(
         raise NotAccepted(obstacle)
     if structure == "unstructured" and form != "estimate":
         raise NotAccepted("The bound of an unstructured observer is written for form = `estimate`; ask for that form.")
+    problem = _posed(system, norm, inputs, form, structure, weight, decay_rate)
+    found = solve(problem)
+    if found is None or not found.objective > 0:
+        raise Infeasible(
+            f"No gain gives `{system.name}` a finite {norm} level with a constant storage.", f"{norm}_gain"
+        )
+    unseen = found.values["V"]
+    known = unseen.shape == (2, 1) and unseen[0, 0] != 0
+    # A large gain is a multiple of P^-1 C'; for two states that is orthogonal to V.
+    return GammaStar(float(np.sqrt(found.objective)), unseen, float(-unseen[1, 0] / unseen[0, 0]) if known else None)
+
+
+def _posed(
+    system: System,
+    norm: str,
+    inputs: str,
+    form: str,
+    structure: Structure,
+    weight: np.ndarray | None,
+    decay_rate: float,
+) -> Problem:
+    """Minimise the squared level over V, and over the free matrices of an unstructured observer."""
     N = _unseen(system)
     W = np.eye(system.nx) if weight is None else np.asarray(weight, dtype=float)
     V, reach = cp.Variable((system.nx, N.shape[1]), name="V"), cp.Variable(name="reach")
     copy, variables = _free_copy(system, V) if structure == "unstructured" else ({}, {})
-    unknowns: dict[str, cp.Variable] = {"V": V, "reach": reach, **variables}
     blocks: list[Block] = []
     for corner in _corners(system):
         A = corner.A_measured if form == "plant" else corner.A
@@ -116,15 +137,7 @@ def gamma_star(
         if decay_rate > 0:
             blocks.append(_block("decay", drift + drift.T + decay_rate * (V.T @ N + N.T @ V)))
     level, more = _positive(norm, V, N, W, reach)
-    found = solve(Problem({**unknowns, **more}, [*blocks, *level], reach))
-    if found is None or not found.objective > 0:
-        raise Infeasible(
-            f"No gain gives `{system.name}` a finite {norm} level with a constant storage.", f"{norm}_gain"
-        )
-    unseen = found.values["V"]
-    known = unseen.shape == (2, 1) and unseen[0, 0] != 0
-    # A large gain is a multiple of P^-1 C'; for two states that is orthogonal to V.
-    return GammaStar(float(np.sqrt(found.objective)), unseen, float(-unseen[1, 0] / unseen[0, 0]) if known else None)
+    return Problem({"V": V, "reach": reach, **variables, **more}, [*blocks, *level], reach)
 
 
 def _entering(

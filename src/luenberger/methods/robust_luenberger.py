@@ -13,6 +13,7 @@ from luenberger.certify import Claim
 from luenberger.core import BadInput, Infeasible, NotAccepted
 from luenberger.core.checks import known_keys, matrix
 from luenberger.lmi import Bernstein, Block, Problem, Relaxation, Solution, centre, infeasible, solve
+from luenberger.lmi.storage import affine_monomials, l2_storage
 from luenberger.methods.method import (
     NEGLIGIBLE,
     Candidate,
@@ -24,6 +25,7 @@ from luenberger.methods.method import (
 )
 from luenberger.methods.robust_bound import can_bound, gamma_star
 from luenberger.methods.robust_inequality import Affine, Norm, at_measured, norm_blocks, norm_claim
+from luenberger.methods.scheduled_storage import require_rates
 from luenberger.systems import System
 from luenberger.systems.error_system import ErrorSystem, Form
 from luenberger.systems.jacobian_box import as_floats, error_box
@@ -85,6 +87,8 @@ class RobustLuenberger:
         level: wanted level; left out: (1 + slack) times the smallest.
         slack: relative distance from the smallest level, > 0.
         decay_rate: wanted decay of the error norm [1/s], >= 0.
+        storage: "constant" holds for arbitrarily fast scheduling; "scheduled" looks, for the gain found, for a storage with the
+            monomials of A whose rates are bounded, and claims the lower L2 level that it shows ("l2" alone).
         relaxation: how polynomial inequalities become matrix inequalities; exact for multi-affine plants.
 
     Reference: Y. Wang, dissertation 2014, (3.41) and (3.43). (3.41) bounds the H2 norm by gamma, not by its root; fixing
@@ -109,6 +113,7 @@ class RobustLuenberger:
     level: float | None = None
     slack: float = 0.02
     decay_rate: float = 0.0
+    storage: Literal["constant", "scheduled"] = "constant"
     relaxation: Relaxation = field(default_factory=Bernstein)
 
     references: ClassVar[tuple[str, ...]] = (
@@ -128,6 +133,12 @@ class RobustLuenberger:
         require_channels(system, self.inputs, self.form)
         self._weight(system)
         require_detectable(system, self.decay_rate)
+        if self.storage == "scheduled":
+            require_rates(system)
+            if self.norm != "l2":
+                raise NotAccepted(
+                    'A storage that moves is looked for in the L2 gain alone; use norm="l2" or storage="constant".'
+                )
 
     def design(self, system: System) -> Candidate:
         """Find the smallest level, relax it, minimise the gain; see `Method`."""
@@ -139,9 +150,25 @@ class RobustLuenberger:
         made = norm_claim(self.norm, values, float(values["size"]), level, W, self.inputs, self.form)
 
         def claims(rounded: Polynomial) -> list[Claim]:
-            return [made, decaying(made, self.decay_rate), measured_gain_bound(system, rounded)]
+            tighter = self._with_moving_storage(system, rounded, W) if self.storage == "scheduled" else None
+            return [tighter or made, decaying(made, self.decay_rate), measured_gain_bound(system, rounded)]
 
         return Candidate(undo.gain(found.values), claims, {**statistics(found), "gamma_star": star})
+
+    def _with_moving_storage(self, system: System, gain: Polynomial, weight: np.ndarray) -> Claim | None:
+        """The lower level of the same gain that a storage within the rates of the scheduling shows, or None."""
+        found = l2_storage(
+            system,
+            gain,
+            weight,
+            self.inputs,
+            form=self.form,
+            monomials=affine_monomials(system),
+            relaxation=Bernstein(parts=2),
+        )
+        if found is None:
+            return None
+        return Claim("l2_gain", found[0], found[1], None, weight, self.inputs, self.form)
 
     def _smallest_gain(self, system: System, level: float) -> tuple[Solution, _Unscaled]:
         """Near the infimum gains are large, and solvers fail on numbers of unlike size: units are tried until one is met."""
