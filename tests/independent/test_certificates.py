@@ -1,12 +1,14 @@
 """Every proved claim of the catalogue, looked at again with plain matrices on random points; no code of the proofs is used."""
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
 import scipy.linalg
 
 from catalogue import ROWS, Row
+from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
 from luenberger.design import Design
 from luenberger.synthesize import synthesize
@@ -21,7 +23,11 @@ def claim_of(design: Design, kind: str) -> Claim | None:
     return next((c for c in design.certificate.claims if c.kind == kind), None)
 
 
-def random_loops(design: Design, count: int) -> list[np.ndarray]:
+DECAYING = [r for r in ROWS if not r.name.startswith("interval")]
+ENCLOSING = [r for r in ROWS if r.name.startswith("interval")]
+
+
+def random_loops(design: Design, count: int) -> list[tuple[dict[str, float], np.ndarray]]:
     """A - L C + F J H at random scheduling and random Jacobians (a ball of them where only a Lipschitz constant is known)."""
     generator, system = np.random.default_rng(5), design.system
     loops = []
@@ -41,29 +47,71 @@ def random_loops(design: Design, count: int) -> list[np.ndarray]:
                 J = generator.normal(size=(f.size, f.H.shape[0]))
                 J *= f.lipschitz_bound / np.linalg.norm(J, 2)
             A = A + np.asarray(system.at("F", r)) @ J @ f.H
-        loops.append(A)
+        loops.append((values, A))
     return loops
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def storage_at(claim: Claim, values: dict[str, float]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """P at a point, and what every parameter it depends on adds to it per unit."""
+    if not isinstance(claim.storage, Polynomial):
+        return np.asarray(claim.storage), []
+    assert claim.storage.is_multi_affine
+    P = np.zeros(claim.storage.shape)
+    slopes = {n: np.zeros(claim.storage.shape) for n in claim.storage.names}
+    for exponents, coefficient in claim.storage:
+        powers = dict(zip(claim.storage.names, exponents, strict=True))
+        P = P + coefficient * np.prod([values[n] ** k for n, k in powers.items()])
+        for n in powers:
+            rest = np.prod([values[m] ** k for m, k in powers.items() if m != n])
+            slopes[n] = slopes[n] + coefficient * powers[n] * rest
+    return P, list(slopes.values())
+
+
+@pytest.mark.parametrize("row", DECAYING, ids=lambda row: row.name)
 def test_storage_decreases_at_random_points(row: Row) -> None:
     design = designed(row)
     claim = claim_of(design, "decay")
     assert claim is not None
-    P = np.asarray(claim.storage)
-    assert np.linalg.eigvalsh(P)[0] > 0
-    for A in random_loops(design, 300):
+    rates = [p.rate for p in design.system.parameters if p.measured]
+    for values, A in random_loops(design, 300):
+        P, slopes = storage_at(claim, values)
+        assert np.linalg.eigvalsh(P)[0] > 0
         drift = P @ A + A.T @ P + 2 * claim.level * P
-        assert np.linalg.eigvalsh(drift)[-1] < 0
+        for signs in product((-1.0, 1.0), repeat=len(slopes)):
+            moving = sum((s * r * M for s, r, M in zip(signs, rates, slopes, strict=False)), start=drift)
+            assert np.linalg.eigvalsh(moving)[-1] < 0
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+@pytest.mark.parametrize("row", DECAYING, ids=lambda row: row.name)
 def test_frozen_loops_decay_at_least_as_fast(row: Row) -> None:
     design = designed(row)
     claim = claim_of(design, "decay")
     assert claim is not None
-    for A in random_loops(design, 100):
+    for _, A in random_loops(design, 100):
         assert np.linalg.eigvals(A).real.max() < -claim.level
+
+
+@pytest.mark.parametrize("row", ENCLOSING, ids=lambda row: row.name)
+def test_order_is_kept_and_widths_stay_at_random_points(row: Row) -> None:
+    design = designed(row)
+    system, claim = design.system, claim_of(design, "cooperative")
+    assert claim is not None
+    T = np.eye(system.nx) if claim.transform is None else np.asarray(claim.transform)
+    width = claim_of(design, "width")
+    generator = np.random.default_rng(7)
+    for _ in range(300):
+        vertex = generator.random() < 0.5
+        q = {
+            p.name: float(generator.choice(p.interval) if vertex else generator.uniform(*p.interval))
+            for p in system.parameters
+        }
+        A = np.asarray(system.A({n: q[n] for n in system.A.names}))
+        C = np.asarray(system.C({n: q[n] for n in system.C.names}))
+        L = np.asarray(design.gain({n: q[n] for n in design.gain.names}))
+        M = T @ (A - L @ C) @ np.linalg.inv(T)
+        assert np.all(M[~np.eye(system.nx, dtype=bool)] >= -1e-12 * np.abs(M).max())
+        if width is not None:
+            assert np.all(M @ np.asarray(width.vector) < 0)
 
 
 @pytest.mark.parametrize("row", [r for r in ROWS if r.system().nd], ids=lambda row: row.name)
@@ -73,7 +121,7 @@ def test_frozen_gain_from_disturbance_is_below_the_claim(row: Row) -> None:
     if claim is None:
         return
     E, W = np.asarray(design.system.at("E", np.zeros(design.system.nr))), np.asarray(claim.weight)
-    for A in random_loops(design, 20):
+    for _, A in random_loops(design, 20):
         n = A.shape[0]
         response = [
             np.linalg.norm(W @ np.linalg.solve(1j * w * np.eye(n) - A, E), 2)
@@ -84,6 +132,6 @@ def test_frozen_gain_from_disturbance_is_below_the_claim(row: Row) -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_a_lyapunov_equation_agrees_that_the_loop_is_stable(row: Row) -> None:
-    for A in random_loops(designed(row), 5):
+    for _, A in random_loops(designed(row), 5):
         X = scipy.linalg.solve_continuous_lyapunov(A.T, -np.eye(A.shape[0]))
         assert np.linalg.eigvalsh((X + X.T) / 2)[0] > 0
