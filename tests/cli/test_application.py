@@ -95,6 +95,7 @@ def test_certify_refuses_what_was_altered(design: Path, capsys: pytest.CaptureFi
         (("certify", "nowhere.json"), "cannot be read"),
         (("run", "nowhere.toml"), "cannot be read"),
         (("reproduce", "song-hendrick"), "Did you mean `song-hedrick`?"),
+        (("reproduce", "relaxations", "--page", "x.html"), "has no page of figures"),
         (("certfy",), "Did you mean `certify`?"),
         (("run", "nowhere.toml", "--json"), "cannot be read"),
     ],

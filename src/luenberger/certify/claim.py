@@ -107,7 +107,8 @@ class Claim:
                 self.inputs.split("+")[0], "input"
             )
             noise = " and noise" * self.inputs.endswith("+noise")
-            return _enclosures[self.kind].format(level=self.level, drive=drive + noise)
+            how = f"falls at least like exp(-{self.level:.6g} t)" if self.level else "goes to zero"
+            return _enclosures[self.kind].format(level=self.level, drive=drive + noise, how=how)
         if isinstance(self.storage, Polynomial):
             return f"Without disturbance and noise, e' P(r) e falls at least like exp(-{2 * self.level:.6g} t) inside the stated sets and rates."
         P = np.asarray(self.storage)
@@ -152,7 +153,7 @@ _inputs = {
 }
 _enclosures = {
     "cooperative": "The error keeps its order: what starts between the bounds stays between them.",
-    "width_decay": "Without noise, offsets and mismatch the width of the enclosure falls at least like exp(-{level:.6g} t).",
+    "width_decay": "Without noise, offsets and mismatch the width of the enclosure {how}.",
     "width_gain": "From zero width, the energy norm of W width stays below {level:.6g} times that of the {drive}.",
     "width": "Once below the stated widths the enclosure stays below them; the largest is {level:.6g}.",
     "containment": "The true state never leaves the enclosure while the stated bounds hold and it starts inside.",

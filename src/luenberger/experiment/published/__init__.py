@@ -1,8 +1,16 @@
 """Published papers row by row: printed, ours, verdict."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
-from luenberger.experiment.published import relaxations, song_hedrick, truth_models, wang_interval, wang_lpv
+from luenberger.experiment.published import (
+    relaxations,
+    song_hedrick,
+    truth_models,
+    wang_figures,
+    wang_interval,
+    wang_lpv,
+)
 from luenberger.experiment.published.row import Row, Verdict
 
 Progress = Callable[[Row], None]
@@ -13,5 +21,10 @@ SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
     "wang-lpv": wang_lpv.rows,
     "wang-interval": wang_interval.rows,
 }
+# Papers whose figures are drawn again on a page.
+PAGES: Mapping[str, Callable[[Path], Path]] = {
+    "wang-lpv": wang_figures.write_page,
+    "wang-interval": wang_figures.write_page,
+}
 
-__all__ = ["SOURCES", "Row", "Verdict"]
+__all__ = ["PAGES", "SOURCES", "Row", "Verdict"]
