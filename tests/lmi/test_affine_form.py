@@ -49,3 +49,10 @@ def test_unlisted_variable_is_named() -> None:
 def test_products_of_variables_are_refused() -> None:
     with pytest.raises(BadInput, match="not affine"):
         stacked(cp.square(s), [s], {})
+
+
+def test_the_trace_of_a_single_number_has_a_form() -> None:
+    # cvxpy gives this gradient as a plain number.
+    Z = cp.Variable((1, 1), symmetric=True)
+    K = stacked(cp.reshape(cp.trace(Z), (1, 1), order="F"), [Z], {})
+    np.testing.assert_array_equal(K @ np.array([3.0, 1.0]), [3.0])

@@ -88,7 +88,10 @@ def _by_gradient(expression: Any, shape: tuple[int, int]) -> Form:
     for variable in expression.variables():
         variable.save_value(np.zeros(variable.shape))
     constant = np.asarray(expression.value, dtype=float).reshape(shape)
-    gradient = {v.id: np.asarray(g.toarray() if hasattr(g, "toarray") else g) for v, g in expression.grad.items()}
+    # The gradient of a scalar in a scalar comes as a plain number.
+    gradient = {
+        v.id: np.atleast_2d(np.asarray(g.toarray() if hasattr(g, "toarray") else g)) for v, g in expression.grad.items()
+    }
     slopes = {v: g.reshape(g.shape[0], *reversed(shape)).transpose(0, 2, 1) for v, g in gradient.items()}
     return constant, slopes
 
