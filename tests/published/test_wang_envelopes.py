@@ -15,7 +15,14 @@ from luenberger.experiment.published.wang_enclosures import (
     swinging,
     two_lanes,
 )
-from luenberger.experiment.published.wang_envelopes import HIGH, LOW, _literal, _scheduling, nominal_row
+from luenberger.experiment.published.wang_envelopes import (
+    HIGH,
+    LOW,
+    _literal,
+    _scheduling,
+    nominal_row,
+    steady_width_envelopes,
+)
 from luenberger.experiment.published.wang_interval_designs import interval_design_rows
 from luenberger.experiment.published.wang_manoeuvre import linear_truth
 
@@ -63,3 +70,12 @@ def test_levels_and_the_plant_that_no_gain_serves() -> None:
     rows: list[Row] = list(interval_design_rows())
     assert {row.verdict for row in rows} == {Verdict.REPRODUCED}
     assert len(rows) == 9
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_the_steady_width_design_is_never_wider_than_the_best_of_the_others(noisy: bool) -> None:
+    ours, best = steady_width_envelopes(noisy)
+    # Both axles, against five gains: three by the theorem of the dissertation, its printed one, and none.
+    assert np.all(ours <= best)
+    # Not by a hair: at least one axle gains two percent.
+    assert (best / ours).max() > 1.02
