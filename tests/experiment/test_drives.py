@@ -8,7 +8,7 @@ import pytest
 from luenberger.core import BadInput
 from luenberger.experiment.drives import DRIVES, simulated_drive
 from luenberger.experiment.specification import CHANNELS, read_specification
-from luenberger.vehicle import wang_car
+from luenberger.vehicle import carmaker_car, wang_car
 
 FILE = """
 title = "drive"
@@ -51,3 +51,13 @@ def test_a_file_names_a_drive_or_a_log(tmp_path: Path) -> None:
     path.write_text(FILE.format(extra='path = "a.csv"'))
     with pytest.raises(BadInput, match="leave out one or the other"):
         read_specification(path)
+
+
+def test_a_driver_takes_the_double_track_through_the_lane_change() -> None:
+    log = simulated_drive("iso_3888_1", carmaker_car, 0.02)
+    assert set(CHANNELS) <= set(log.names)
+    # The lane is half a metre wider than the car on either side where it matters; the reference runs through its middle.
+    assert np.abs(log["path_error"].values).max() < 0.6
+    assert np.abs(log["speed"].values - 80 / 3.6).max() < 1.0
+    # 3.5 m to the left and back within 80 m at 22 m/s is a severe manoeuvre on any car.
+    assert 4.0 < np.abs(log["lateral_acceleration"].values).max() < 8.5

@@ -14,7 +14,16 @@ from luenberger.simulate import TruthModel, simulate
 from luenberger.vehicle import VehicleParameters
 from luenberger.vehicle.double_track import DoubleTrack
 from luenberger.vehicle.double_track_parameters import DoubleTrackParameters
-from luenberger.vehicle.manoeuvres import Manoeuvre, braking_lane_changes, fishhook, sine_with_dwell, slalom, step_steer
+from luenberger.vehicle.driver import PreviewDriver, SpeedKeeper, closed_loop, iso_3888_1
+from luenberger.vehicle.manoeuvres import (
+    Constant,
+    Manoeuvre,
+    braking_lane_changes,
+    fishhook,
+    sine_with_dwell,
+    slalom,
+    step_steer,
+)
 from luenberger.vehicle.road import Road
 
 # Rate at which the driver closes a gap to the wanted speed [1/s].
@@ -42,6 +51,8 @@ def _dry() -> Road:
     return Road.uniform(0.85)
 
 
+# The drive whose steering comes from a driver and not from a table.
+DRIVEN = "iso_3888_1"
 DRIVES: Mapping[str, Callable[[], Drive]] = {
     "lane_changes": lambda: Drive(braking_lane_changes(), _dry(), "two lane changes, 78 to 23 km/h, even road"),
     "two_lanes": lambda: Drive(
@@ -60,7 +71,7 @@ def simulated_drive(name: str, car: VehicleParameters, sample_time: float) -> Tr
     """Simulate a drive of the double track and return the channels an experiment reads.
 
     Args:
-        name: key of `DRIVES`.
+        name: key of `DRIVES`, or "iso_3888_1" for the lane change with a driver.
         car: gives mass, inertia, axle distances and the stiffness of the tyres at their static load.
         sample_time: step of the samples [s].
 
@@ -70,8 +81,10 @@ def simulated_drive(name: str, car: VehicleParameters, sample_time: float) -> Tr
     Raises:
         BadInput: unknown drive; the nearest known one is named.
     """
+    if name == DRIVEN:
+        return lane_change(car, sample_time)
     if name not in DRIVES:
-        raise BadInput(f"There is no drive `{name}`.{nearest(name, DRIVES)}")
+        raise BadInput(f"There is no drive `{name}`.{nearest(name, [*DRIVES, DRIVEN])}")
     drive = DRIVES[name]()
     manoeuvre = drive.manoeuvre
     model = DoubleTrack(DoubleTrackParameters.of(car), drive.road)
@@ -88,9 +101,37 @@ def simulated_drive(name: str, car: VehicleParameters, sample_time: float) -> Tr
         atol=1e-10,
         name=drive.sentence,
     )
-    channels = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration", "front_force", "rear_force")
-    signals = [Signal(c, run[c].unit, run[c].values, f"double track, {run[c].description}") for c in channels]
-    return Trajectory(run.time, signals, name, drive.sentence)
+    return _channels(run, name, drive.sentence)
+
+
+def lane_change(
+    car: VehicleParameters, sample_time: float, speed: float = 80 / 3.6, preview: float = 0.7, width: float = 1.8
+) -> Trajectory:
+    """Drive the double lane change of ISO 3888-1 with a driver who looks ahead, and return the channels of a drive.
+
+    The channel `path_error` [m] tells how far the car was from the middle of its lane, to the left.
+
+    Args:
+        car: as in `simulated_drive`.
+        sample_time: step of the samples [s].
+        speed: vx that the driver holds [m/s].
+        preview: preview time of the driver [s].
+        width: width of the car [m], which fixes the lanes.
+    """
+    course = iso_3888_1(width)
+    model = DoubleTrack(DoubleTrackParameters.of(car), _dry())
+    loop = closed_loop(model, PreviewDriver.of(car, preview=preview), course, SpeedKeeper(Constant(speed)))
+    start = loop.start(model.start(speed))
+    seconds = (float(course.length) + 2 * 20.0) / speed
+    time = np.arange(0.0, seconds, sample_time)
+    run = simulate(loop, time=time, x0=np.asarray(start), rtol=1e-8, atol=1e-10)
+    return _channels(run, DRIVEN, f"{course.name} at {3.6 * speed:.0f} km/h", ("path_error",))
+
+
+def _channels(run: Trajectory, name: str, sentence: str, more: tuple[str, ...] = ()) -> Trajectory:
+    names = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration", "front_force", "rear_force")
+    signals = [Signal(c, run[c].unit, run[c].values, f"double track, {run[c].description}") for c in (*names, *more)]
+    return Trajectory(run.time, signals, name, sentence)
 
 
 def _speed_held(model: DoubleTrack) -> TruthModel:
