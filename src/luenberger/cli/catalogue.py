@@ -6,6 +6,7 @@ import typer
 
 from luenberger import observers
 from luenberger.cli.output import out, print_json, sentence
+from luenberger.experiment.drives import DRIVEN, DRIVES
 from luenberger.experiment.entrants import KINDS
 from luenberger.experiment.published import SOURCES
 from luenberger.experiment.specification import DATA
@@ -17,7 +18,7 @@ from luenberger.vehicle import CARS
 def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
 ) -> None:
-    """List methods, observers, cars, kinds of entrants, logs and papers.
+    """List methods, observers, cars, kinds of entrants, logs, simulated drives and papers.
 
     Example: luenberger list --json
     """
@@ -30,6 +31,8 @@ def command(
         "entrant": {name: kind.sentence for name, kind in KINDS.items()},
         "car": {key: car.name for key, car in CARS.items()},
         "log": {path.name: "ships with the package" for path in sorted(DATA.glob("*.csv"))},
+        "drive": {name: make().sentence for name, make in DRIVES.items()}
+        | {DRIVEN: "ISO 3888-1 with a driver, 80 km/h"},
         "paper": {name: f"luenberger reproduce {name}" for name in SOURCES},
     }
     if as_json:
