@@ -15,13 +15,10 @@ import numpy as np
 
 from luenberger.core import Signal, Trajectory
 from luenberger.simulate import TruthModel, simulate
-from luenberger.vehicle import slip_angle_channels, slip_angles, wang_car
+from luenberger.vehicle import braking_lane_changes, slip_angle_channels, slip_angles, wang_car
 
 STEP, SECONDS = 1e-3, 10.0
-FIRST_SPEED, LAST_SPEED = 78 / 3.6, 23 / 3.6
-BRAKING = (1.0, 8.0)
-# Amplitude [rad] and start [s] of the two lobes, each LOBE long; 4 / sqrt(27) makes the amplitude the peak.
-LOBES, LOBE, PEAK = ((0.022, 0.5), (-0.045, 4.0)), 2.5, 0.7698
+DRIVE = braking_lane_changes()
 # The driver of the drift model holds the speed by adding this rate times its error [1/s].
 SPEED_HOLD = 10.0
 # Height of the centre of gravity [m] for the drift model; the dissertation has none.
@@ -46,8 +43,7 @@ def speed(t: Any) -> jax.Array:
     Args:
         t: time [s].
     """
-    s = jnp.clip((jnp.asarray(t) - BRAKING[0]) / BRAKING[1], 0.0, 1.0)
-    return FIRST_SPEED + 0.5 * (LAST_SPEED - FIRST_SPEED) * (1 - jnp.cos(jnp.pi * s))
+    return DRIVE.speed(t)
 
 
 def acceleration(t: Any) -> jax.Array:
@@ -56,8 +52,7 @@ def acceleration(t: Any) -> jax.Array:
     Args:
         t: time [s].
     """
-    s = jnp.clip((jnp.asarray(t) - BRAKING[0]) / BRAKING[1], 0.0, 1.0)
-    return 0.5 * (LAST_SPEED - FIRST_SPEED) * jnp.pi / BRAKING[1] * jnp.sin(jnp.pi * s)
+    return DRIVE.acceleration(t)
 
 
 def steering(t: Any, scale: float = 1.0) -> jax.Array:
@@ -67,7 +62,7 @@ def steering(t: Any, scale: float = 1.0) -> jax.Array:
         t: time [s].
         scale: factor on both lobes.
     """
-    return scale * _lobes(t, lambda w: jnp.sin(w) - 0.5 * jnp.sin(2 * w))
+    return scale * DRIVE.steering(t)
 
 
 def steering_rate(t: Any, scale: float = 1.0) -> jax.Array:
@@ -77,7 +72,7 @@ def steering_rate(t: Any, scale: float = 1.0) -> jax.Array:
         t: time [s].
         scale: factor on both lobes.
     """
-    return scale * 2 * jnp.pi / LOBE * _lobes(t, lambda w: jnp.cos(w) - jnp.cos(2 * w))
+    return scale * DRIVE.steering_rate(t)
 
 
 def sample_times() -> np.ndarray:
@@ -186,12 +181,4 @@ def _drift_model() -> tuple[Any, Callable[..., Any], list[float]] | None:
     p.m, p.I_z, p.h_s = wang_car.mass, wang_car.yaw_inertia, HEIGHT
     p.a, p.b = wang_car.front_axle_distance, wang_car.rear_axle_distance
     p.tire.p_ky1 = -(wang_car.front_stiffness + wang_car.rear_stiffness) / (wang_car.mass * PACKAGE_GRAVITY)
-    return p, drift.vehicle_dynamics_std, first.init_std([0.0, 0.0, 0.0, FIRST_SPEED, 0.0, 0.0, 0.0], p)
-
-
-def _lobes(t: Any, shape: Callable[[Any], Any]) -> jax.Array:
-    total: Any = 0.0
-    for peak, start in LOBES:
-        s = (jnp.asarray(t) - start) / LOBE
-        total = total + jnp.where((s >= 0) & (s <= 1), peak * PEAK * shape(2 * jnp.pi * s), 0.0)
-    return jnp.asarray(total)
+    return p, drift.vehicle_dynamics_std, first.init_std([0.0, 0.0, 0.0, float(speed(0.0)), 0.0, 0.0, 0.0], p)
