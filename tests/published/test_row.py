@@ -2,7 +2,7 @@
 
 import pytest
 
-from luenberger.experiment.published.row import Row, Verdict, judged
+from luenberger.experiment.published.row import Row, Verdict, collected, judged
 
 
 @pytest.mark.parametrize(
@@ -23,3 +23,10 @@ def test_every_verdict_has_its_sentence() -> None:
     sentences = {v.sentence for v in Verdict}
     assert len(sentences) == 3
     assert all(s.endswith(".") for s in sentences)
+
+
+def test_rows_are_told_as_they_come() -> None:
+    one = Row("a", "(1)", "1", "1", Verdict.REPRODUCED, "same")
+    heard: list[Row] = []
+    assert collected(iter([one, one]), heard.append) == [one, one]
+    assert heard == [one, one]

@@ -1,5 +1,6 @@
 """One line of the comparison of a published paper with this library."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -69,3 +70,18 @@ def judged(
     """
     verdict = Verdict.REPRODUCED if reproduced else Verdict.CORRECTED if corrected else Verdict.NOT_REPRODUCIBLE
     return Row(item, equation, printed, ours, verdict, reason, deviation)
+
+
+def collected(rows: Iterable[Row], progress: Callable[[Row], None] | None = None) -> list[Row]:
+    """Return all rows, telling each as soon as it is known.
+
+    Args:
+        rows: made one by one.
+        progress: called with each row.
+    """
+    found: list[Row] = []
+    for row in rows:
+        found.append(row)
+        if progress is not None:
+            progress(row)
+    return found

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from itertools import chain
 
-from luenberger.experiment.published.row import Row
+from luenberger.experiment.published.row import Row, collected
 from luenberger.experiment.published.song_hedrick_figures import figure_rows
 from luenberger.experiment.published.song_hedrick_gains import gain_rows
 from luenberger.experiment.published.song_hedrick_margins import margin_rows
@@ -21,12 +21,7 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
     Returns:
         rows in the order margins, gains, figures, errata.
     """
-    found: list[Row] = []
-    for row in _all():
-        found.append(row)
-        if progress is not None:
-            progress(row)
-    return found
+    return collected(_all(), progress)
 
 
 def _all() -> Iterator[Row]:

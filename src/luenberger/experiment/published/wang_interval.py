@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from itertools import chain
 
-from luenberger.experiment.published.row import Row
+from luenberger.experiment.published.row import Row, collected
 from luenberger.experiment.published.wang_envelopes import envelope_rows
 from luenberger.experiment.published.wang_interval_designs import interval_design_rows
 
@@ -19,12 +19,7 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
     Returns:
         rows in the order levels, envelopes, claims.
     """
-    found: list[Row] = []
-    for row in _all():
-        found.append(row)
-        if progress is not None:
-            progress(row)
-    return found
+    return collected(_all(), progress)
 
 
 def _all() -> Iterator[Row]:

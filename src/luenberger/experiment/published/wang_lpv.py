@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from itertools import chain
 
-from luenberger.experiment.published.row import Row
+from luenberger.experiment.published.row import Row, collected
 from luenberger.experiment.published.wang_designs import design_rows
 from luenberger.experiment.published.wang_estimates import estimate_rows
 from luenberger.experiment.published.wang_filters import filter_rows
@@ -22,12 +22,7 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
     Returns:
         rows in the order preliminaries, designs, estimates and claims, filters, moving storages.
     """
-    found: list[Row] = []
-    for row in _all():
-        found.append(row)
-        if progress is not None:
-            progress(row)
-    return found
+    return collected(_all(), progress)
 
 
 def _all() -> Iterator[Row]:
