@@ -8,7 +8,8 @@ from luenberger.algebra import Polynomial
 from luenberger.certify import prove
 from luenberger.core import Infeasible, Outcome
 from luenberger.lmi import Bernstein
-from luenberger.methods.interval_plant import Coordinates, gain_of, measured_gain_bound, refusal
+from luenberger.methods.interval_plant import Coordinates, gain_of, refusal
+from luenberger.methods.method import gain_bound
 from luenberger.systems import System
 
 
@@ -52,7 +53,7 @@ def test_gain_is_taken_back_to_the_states() -> None:
 
 def test_gain_bound_covers_scheduling_that_is_read_wrong() -> None:
     plant = thesis_car(scale_error=((-0.1, 0.1), (-0.15, 0.15)))
-    claim, plain = measured_gain_bound(plant, printed_gain(True)), measured_gain_bound(thesis_car(), printed_gain(True))
+    claim, plain = gain_bound(plant, printed_gain(True)), gain_bound(thesis_car(), printed_gain(True))
     assert claim.level > plain.level
     assert prove(plant, printed_gain(True), claim).outcome is Outcome.PROVED
     assert prove(plant, printed_gain(True), plain).outcome is Outcome.REFUTED

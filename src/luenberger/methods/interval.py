@@ -22,8 +22,8 @@ from luenberger.lmi import (
     solve,
 )
 from luenberger.methods.interval_coordinates import Choice, candidates
-from luenberger.methods.interval_plant import Coordinates, gain_of, measured_gain_bound, refusal, require_enclosable
-from luenberger.methods.method import NEGLIGIBLE, Candidate, scheduled_variable, statistics
+from luenberger.methods.interval_plant import Coordinates, gain_of, refusal, require_enclosable
+from luenberger.methods.method import NEGLIGIBLE, Candidate, gain_bound, scheduled_variable, statistics
 from luenberger.systems import System
 from luenberger.systems.enclosure_system import EnclosureSystem
 from luenberger.systems.error_system import beside
@@ -279,7 +279,7 @@ class _Posed:
                 ),
                 Claim("width_decay", self.method.decay_rate, storage, transform=T),
                 Claim("containment", 0.0, transform=T),
-                measured_gain_bound(self.system, rounded),
+                gain_bound(self.system, rounded),
             ]
 
         facts = {**statistics(found), "optimum": choice.level, "squared_gain": found.objective, "transform": T.tolist()}

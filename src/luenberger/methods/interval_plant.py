@@ -8,10 +8,9 @@ import cvxpy as cp
 import numpy as np
 
 from luenberger.algebra import Polynomial
-from luenberger.certify import Claim
 from luenberger.core import Infeasible, NotAccepted
 from luenberger.lmi import Block, Problem, Relaxation, solve
-from luenberger.methods.method import gain_bound, require_continuous, scheduled_variable
+from luenberger.methods.method import require_continuous, scheduled_variable
 from luenberger.systems import System
 from luenberger.systems.enclosure_system import EnclosureSystem, off_diagonal
 from luenberger.systems.jacobian_box import as_floats
@@ -201,19 +200,6 @@ def gain_of(T: np.ndarray, P: np.ndarray, Y: Polynomial) -> Polynomial:
         Y: decision matrix with values.
     """
     return Y.map(lambda y: np.linalg.solve(T, np.linalg.solve(P, np.asarray(y.value))))
-
-
-def measured_gain_bound(system: System, gain: Polynomial) -> Claim:
-    """Return the claim on |L| wherever the measured scheduling may be.
-
-    Args:
-        system: plant.
-        gain: the rounded gain.
-    """
-    error = system.measured_scheduling
-    if error is None:
-        return gain_bound(gain, system.scheduling_box)
-    return gain_bound(gain.compose(error.measured), error.box)
 
 
 def refusal(

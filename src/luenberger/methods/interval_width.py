@@ -16,9 +16,9 @@ from luenberger.core import BadInput, Infeasible, NotAccepted, NotCertified
 from luenberger.core.checks import matrix
 from luenberger.lmi import Bernstein, Block, Problem, rounded_storage, solve
 from luenberger.methods.interval_coordinates import Choice, candidates
-from luenberger.methods.interval_plant import Coordinates, measured_gain_bound, refusal, require_enclosable
+from luenberger.methods.interval_plant import Coordinates, refusal, require_enclosable
 from luenberger.methods.interval_programme import Found, Programme, Vertex, through_vertices, vertices_of
-from luenberger.methods.method import Candidate
+from luenberger.methods.method import Candidate, gain_bound
 from luenberger.systems import System
 from luenberger.systems.enclosure_system import EnclosureSystem
 
@@ -235,7 +235,7 @@ class IntervalWidth:
             Claim("cooperative", 0.0, transform=T),
             Claim("width", float(widths.max()), vector=widths, state_bound=bound, transform=T),
             Claim("containment", 0.0, transform=T),
-            measured_gain_bound(system, gain),
+            gain_bound(system, gain),
         ]
         if self.decay_rate > 0:
             claims.append(

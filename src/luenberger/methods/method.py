@@ -150,14 +150,16 @@ def smallest_gain(problem: Problem, again: Callable[[float], Problem], decay_rat
     return found
 
 
-def gain_bound(gain: Polynomial, box: Mapping[str, tuple[float, float]]) -> Claim:
-    """Return the claim on |L(r)| with the tightest level the Bernstein hull gives.
+def gain_bound(system: System, gain: Polynomial) -> Claim:
+    """Return the claim on |L| wherever the measured scheduling may be, with the tightest level the Bernstein hull gives.
 
     Args:
+        system: plant.
         gain: the rounded gain.
-        box: scheduling box.
     """
-    level = max(np.linalg.norm(np.asarray(c), 2) for c in gain.bernstein(box).values())
+    error = system.measured_scheduling
+    read, box = (gain, system.scheduling_box) if error is None else (gain.compose(error.measured), error.box)
+    level = max(np.linalg.norm(np.asarray(c), 2) for c in read.bernstein(box).values())
     return Claim("gain_bound", float(level) * (1 + 1e-6) + 1e-12)
 
 

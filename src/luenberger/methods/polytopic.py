@@ -85,7 +85,7 @@ class PolytopicLuenberger:
         gain = Y.map(lambda y: np.linalg.solve(found.values["P"], np.asarray(y.value)))
 
         def claims(rounded: Polynomial) -> list[Claim]:
-            return [Claim("decay", self.decay_rate, storage), gain_bound(rounded, system.scheduling_box)]
+            return [Claim("decay", self.decay_rate, storage), gain_bound(system, rounded)]
 
         return Candidate(gain, claims, statistics(found))
 
@@ -105,7 +105,7 @@ class PolytopicLuenberger:
         storage = storage_value(problem.storage)
 
         def claims(rounded: Polynomial) -> list[Claim]:
-            return [Claim("decay", self.decay_rate, storage), gain_bound(rounded, system.scheduling_box)]
+            return [Claim("decay", self.decay_rate, storage), gain_bound(system, rounded)]
 
         return Candidate(problem.gain(), claims, statistics(solution))
 

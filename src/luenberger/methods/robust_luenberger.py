@@ -28,7 +28,7 @@ from luenberger.methods.robust_inequality import Affine, Norm, at_measured, norm
 from luenberger.methods.scheduled_storage import require_rates
 from luenberger.systems import System
 from luenberger.systems.error_system import ErrorSystem, Form
-from luenberger.systems.jacobian_box import as_floats, error_box
+from luenberger.systems.jacobian_box import as_floats
 from luenberger.systems.observability import require_detectable
 
 # Units of P L and of the error that the outputs show, in which a problem is posed until a solver meets it.
@@ -151,7 +151,7 @@ class RobustLuenberger:
 
         def claims(rounded: Polynomial) -> list[Claim]:
             tighter = self._with_moving_storage(system, rounded, W) if self.storage == "scheduled" else None
-            return [tighter or made, decaying(made, self.decay_rate), measured_gain_bound(system, rounded)]
+            return [tighter or made, decaying(made, self.decay_rate), gain_bound(system, rounded)]
 
         return Candidate(undo.gain(found.values), claims, {**statistics(found), "gamma_star": star})
 
@@ -322,13 +322,3 @@ def decaying(made: Claim, rate: float) -> Claim:
         rate: decay rate [1/s].
     """
     return Claim("decay", rate, made.storage, form=made.form)
-
-
-def measured_gain_bound(system: System, gain: Polynomial) -> Claim:
-    """Return the claim on |L(m)| wherever the measured scheduling may be.
-
-    Args:
-        system: plant.
-        gain: the rounded gain.
-    """
-    return gain_bound(at_measured(system, gain), error_box(system))

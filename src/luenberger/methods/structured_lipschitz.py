@@ -77,7 +77,7 @@ class StructuredLipschitz:
         multiplier = float(found.values["s"])
 
         def claims(rounded: Polynomial) -> list[Claim]:
-            made = [Claim("decay", self.decay_rate, storage, multiplier), gain_bound(rounded, system.scheduling_box)]
+            made = [Claim("decay", self.decay_rate, storage, multiplier), gain_bound(system, rounded)]
             eye = np.eye(system.nx)
             if system.nd and (level := l2_storage(system, rounded, eye, "disturbance")) is not None:
                 made.append(Claim("l2_gain", level[0], level[1], level[2], eye, "disturbance"))

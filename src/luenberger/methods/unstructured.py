@@ -15,6 +15,7 @@ from luenberger.lmi import Bernstein, Block, Problem, Relaxation, Solution, cent
 from luenberger.methods.method import (
     NEGLIGIBLE,
     Candidate,
+    gain_bound,
     require_continuous,
     require_polynomial,
     scheduled_variable,
@@ -25,7 +26,6 @@ from luenberger.methods.robust_inequality import Affine, Norm, at_measured, norm
 from luenberger.methods.robust_luenberger import (
     UNITS,
     decaying,
-    measured_gain_bound,
     require_channels,
     require_options,
     require_reachable,
@@ -145,7 +145,7 @@ class UnstructuredObserver:
         made = norm_claim(self.norm, values, size, level, W, "scheduling", "estimate")
 
         def claims(rounded: Polynomial) -> list[Claim]:
-            return [made, decaying(made, 0.0), measured_gain_bound(system, rounded)]
+            return [made, decaying(made, 0.0), gain_bound(system, rounded)]
 
         return Candidate(gain, claims, {**statistics(found), "gamma_star": star}, model)
 
