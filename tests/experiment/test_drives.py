@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from luenberger.core import BadInput
-from luenberger.experiment.drives import DRIVES, simulated_drive
+from luenberger.experiment.drives import simulated_drive
 from luenberger.experiment.specification import CHANNELS, read_specification
-from luenberger.vehicle import carmaker_car, wang_car
+from luenberger.vehicle import braking_lane_changes, carmaker_car, wang_car
 
 FILE = """
 title = "drive"
@@ -28,7 +28,7 @@ kind = "zero"
 def test_the_double_track_follows_the_speed_and_crosses_the_lanes() -> None:
     log = simulated_drive("two_lanes", wang_car, 0.02)
     assert set(CHANNELS) <= set(log.names)
-    manoeuvre = DRIVES["two_lanes"]().manoeuvre
+    manoeuvre = braking_lane_changes()
     wanted = np.array([float(manoeuvre.speed(t)) for t in log.time])
     # The driver closes gaps at 2 1/s; the drag of a steered tyre and the lag of the actuator leave some tenths of a m/s.
     assert np.abs(log["speed"].values - wanted).max() < 0.5

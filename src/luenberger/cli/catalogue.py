@@ -6,7 +6,7 @@ import typer
 
 from luenberger import observers
 from luenberger.cli.output import out, print_json, sentence
-from luenberger.experiment.drives import DRIVEN, DRIVES
+from luenberger.experiment.drives import DRIVES
 from luenberger.experiment.entrants import KINDS
 from luenberger.experiment.published import SOURCES
 from luenberger.experiment.specification import DATA
@@ -31,8 +31,7 @@ def command(
         "entrant": {name: kind.sentence for name, kind in KINDS.items()},
         "car": {key: car.name for key, car in CARS.items()},
         "log": {path.name: "ships with the package" for path in sorted(DATA.glob("*.csv"))},
-        "drive": {name: make().sentence for name, make in DRIVES.items()}
-        | {DRIVEN: "ISO 3888-1 with a driver, 80 km/h"},
+        "drive": {name: drive.sentence for name, drive in DRIVES.items()},
         "paper": {name: f"luenberger reproduce {name}" for name in SOURCES},
     }
     if as_json:

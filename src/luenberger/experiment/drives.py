@@ -34,74 +34,59 @@ LANE_EDGE, STIFF, SOFT = 1.75, 1.1, 0.9
 
 @dataclass(frozen=True)
 class Drive:
-    """A manoeuvre on a road.
+    """One simulated drive.
 
     Args:
-        manoeuvre: steering and speed over time.
-        road: what lies under the wheels.
+        run: car and sample time [s] -> the channels an experiment reads.
         sentence: what it is, for tables.
     """
 
-    manoeuvre: Manoeuvre
-    road: Road
+    run: Callable[[VehicleParameters, float], Trajectory]
     sentence: str
-
-
-def _dry() -> Road:
-    return Road.uniform(0.85)
-
-
-# The drive whose steering comes from a driver and not from a table.
-DRIVEN = "iso_3888_1"
-DRIVES: Mapping[str, Callable[[], Drive]] = {
-    "lane_changes": lambda: Drive(braking_lane_changes(), _dry(), "two lane changes, 78 to 23 km/h, even road"),
-    "two_lanes": lambda: Drive(
-        braking_lane_changes(),
-        Road.lanes([LANE_EDGE], [0.85, 0.85], [STIFF, SOFT]),
-        "two lane changes, 78 to 23 km/h, between a lane of stiff and one of soft tyres",
-    ),
-    "slalom": lambda: Drive(slalom(0.03, 20.0), _dry(), "slalom at 72 km/h"),
-    "step_steer": lambda: Drive(step_steer(0.04, 25.0), _dry(), "step steer at 90 km/h"),
-    "fishhook": lambda: Drive(fishhook(0.06, 20.0), _dry(), "fishhook at 72 km/h"),
-    "sine_with_dwell": lambda: Drive(sine_with_dwell(0.05, 80 / 3.6), _dry(), "sine with dwell at 80 km/h"),
-}
 
 
 def simulated_drive(name: str, car: VehicleParameters, sample_time: float) -> Trajectory:
     """Simulate a drive of the double track and return the channels an experiment reads.
 
     Args:
-        name: key of `DRIVES`, or "iso_3888_1" for the lane change with a driver.
+        name: key of `DRIVES`.
         car: gives mass, inertia, axle distances and the stiffness of the tyres at their static load.
         sample_time: step of the samples [s].
 
     Returns:
-        speed, lateral_speed, yaw_rate, steering, lateral_acceleration, and the axle forces front_force, rear_force.
+        speed, lateral_speed, yaw_rate, steering, lateral_acceleration, and the axle forces front_force, rear_force; what else
+        the drive knows.
 
     Raises:
         BadInput: unknown drive; the nearest known one is named.
     """
-    if name == DRIVEN:
-        return lane_change(car, sample_time)
     if name not in DRIVES:
-        raise BadInput(f"There is no drive `{name}`.{nearest(name, [*DRIVES, DRIVEN])}")
-    drive = DRIVES[name]()
-    manoeuvre = drive.manoeuvre
-    model = DoubleTrack(DoubleTrackParameters.of(car), drive.road)
-    held = _speed_held(model)
+        raise BadInput(f"There is no drive `{name}`.{nearest(name, DRIVES)}")
+    return DRIVES[name].run(car, sample_time)
+
+
+def open_loop(car: VehicleParameters, sample_time: float, manoeuvre: Manoeuvre, road: Road | None = None) -> Trajectory:
+    """Drive a manoeuvre, its speed held, and return the channels of a drive.
+
+    Args:
+        car: as in `simulated_drive`.
+        sample_time: step of the samples [s].
+        manoeuvre: steering and speed over time.
+        road: what lies under the wheels; left out: dry and even.
+    """
+    model = DoubleTrack(DoubleTrackParameters.of(car), _dry() if road is None else road)
     start = model.start(float(manoeuvre.speed(0.0)))
     time = np.arange(0.0, manoeuvre.duration + 0.5 * sample_time, sample_time)
     run = simulate(
-        held,
+        _speed_held(model),
         time=time,
         x0=np.asarray(start),
         u=lambda t: jnp.stack([manoeuvre.steering(t), manoeuvre.acceleration(t), manoeuvre.speed(t)]),
         jump_times=np.unique(np.asarray(manoeuvre.jump_times)),
         rtol=1e-8,
         atol=1e-10,
-        name=drive.sentence,
     )
-    return _channels(run, name, drive.sentence)
+    return _channels(run, manoeuvre.name)
 
 
 def lane_change(
@@ -125,13 +110,17 @@ def lane_change(
     seconds = (float(course.length) + 2 * 20.0) / speed
     time = np.arange(0.0, seconds, sample_time)
     run = simulate(loop, time=time, x0=np.asarray(start), rtol=1e-8, atol=1e-10)
-    return _channels(run, DRIVEN, f"{course.name} at {3.6 * speed:.0f} km/h", ("path_error",))
+    return _channels(run, course.name, ("path_error",))
 
 
-def _channels(run: Trajectory, name: str, sentence: str, more: tuple[str, ...] = ()) -> Trajectory:
+def _channels(run: Trajectory, name: str, more: tuple[str, ...] = ()) -> Trajectory:
     names = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration", "front_force", "rear_force")
     signals = [Signal(c, run[c].unit, run[c].values, f"double track, {run[c].description}") for c in (*names, *more)]
-    return Trajectory(run.time, signals, name, sentence)
+    return Trajectory(run.time, signals, name, f"simulation of {run.name}")
+
+
+def _dry() -> Road:
+    return Road.uniform(0.85)
 
 
 def _speed_held(model: DoubleTrack) -> TruthModel:
@@ -149,3 +138,25 @@ def _speed_held(model: DoubleTrack) -> TruthModel:
         units={**model.units, "wanted_speed": "m/s"},
         name=model.name,
     )
+
+
+def _two_lanes() -> Road:
+    return Road.lanes([LANE_EDGE], [0.85, 0.85], [STIFF, SOFT])
+
+
+DRIVES: Mapping[str, Drive] = {
+    "lane_changes": Drive(
+        lambda car, dt: open_loop(car, dt, braking_lane_changes()), "two lane changes, 78 to 23 km/h, even road"
+    ),
+    "two_lanes": Drive(
+        lambda car, dt: open_loop(car, dt, braking_lane_changes(), _two_lanes()),
+        "two lane changes, 78 to 23 km/h, between a lane of stiff and one of soft tyres",
+    ),
+    "iso_3888_1": Drive(lane_change, "double lane change of ISO 3888-1 with a driver, 80 km/h"),
+    "slalom": Drive(lambda car, dt: open_loop(car, dt, slalom(0.03, 20.0)), "slalom at 72 km/h"),
+    "step_steer": Drive(lambda car, dt: open_loop(car, dt, step_steer(0.04, 25.0)), "step steer at 90 km/h"),
+    "fishhook": Drive(lambda car, dt: open_loop(car, dt, fishhook(0.06, 20.0)), "fishhook at 72 km/h"),
+    "sine_with_dwell": Drive(
+        lambda car, dt: open_loop(car, dt, sine_with_dwell(0.05, 80 / 3.6)), "sine with dwell at 80 km/h"
+    ),
+}
