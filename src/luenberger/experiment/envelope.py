@@ -8,6 +8,7 @@ from luenberger.core import BadInput, Trajectory
 from luenberger.experiment.entrant import Entrant, Setting
 from luenberger.methods.method import Method
 from luenberger.observers import Drive, Estimate, Sector, explain, monitor
+from luenberger.observers.monitor import containment_excess
 from luenberger.replay import Channels
 from luenberger.report.tables import Table
 from luenberger.synthesize import synthesize
@@ -124,7 +125,7 @@ def watched(
     )
     assumptions = monitor(system, drive)
     lower, upper = np.asarray(estimate.lower), np.asarray(estimate.upper)
-    excess = np.maximum(np.maximum(lower - slip, slip - upper).max(axis=1), 0.0)
+    excess = np.maximum(np.asarray(containment_excess(slip, lower, upper)), 0.0)
     stretches = explain(log.time, excess, assumptions, MEMORY)
     rows = []
     for a in assumptions:

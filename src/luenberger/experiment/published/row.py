@@ -4,6 +4,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
+# Where a number stands that no paper prints.
+INDEPENDENT = "independent implementation"
+
 
 class Verdict(Enum):
     """What became of a printed number or claim. `value` is the word for tables."""
@@ -85,3 +88,24 @@ def collected(rows: Iterable[Row], progress: Callable[[Row], None] | None = None
         if progress is not None:
             progress(row)
     return found
+
+
+def compared(item: str, equation: str, expected: float, ours: float, reason: str) -> Row:
+    """Return the row of a number that the print lacks, beside that of an independent implementation, to half a percent.
+
+    Args:
+        item: what is compared.
+        equation: where it would stand in the paper.
+        expected: what the independent implementation has.
+        ours: what was computed here.
+        reason: why, with the kind of evidence.
+    """
+    return judged(
+        item,
+        f"{equation}, {INDEPENDENT}",
+        f"{expected:g}",
+        f"{ours:.5f}",
+        f"{reason} Beside stands an independent implementation.",
+        reproduced=abs(ours - expected) <= 0.005 * expected,
+        deviation=abs(ours - expected),
+    )

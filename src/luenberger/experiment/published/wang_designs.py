@@ -1,7 +1,7 @@
 """Design values of Wang 2014, chapter 3: the levels of (3.41), (3.43), (3.52), (3.53), and the printed gains analysed.
 
 No level is printed. The printed gains are analysed instead, and the infimum of every problem is found without a gain in it; beside both
-stand the numbers of an independent implementation (the theory page).
+stand the numbers of an independent implementation.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from luenberger.algebra import Polynomial
 from luenberger.certify import certify_claims
 from luenberger.core import Outcome
-from luenberger.experiment.published.row import Row, judged
+from luenberger.experiment.published.row import INDEPENDENT, Row, compared, judged
 from luenberger.experiment.published.wang_gains import FEASIBLE, H2, H2_FREE, HINF, HINF_FREE, NONE
 from luenberger.experiment.published.wang_models import model_rows
 from luenberger.experiment.published.wang_plants import Hull, Reading, theta_gain, theta_model, theta_plant
@@ -27,7 +27,6 @@ from luenberger.synthesize import synthesize
 from luenberger.systems import System
 from luenberger.systems.error_system import ErrorSystem
 
-PAGE = "theory page, section 2.1"
 Parts = tuple[tuple[float, float], ...]
 NORMS: tuple[Norm, ...] = ("h2", "l2")
 WORDS = {"h2": "H2", "l2": "H-infinity"}
@@ -77,7 +76,7 @@ def level_rows() -> Iterator[Row]:
         plant, word = theta_plant(hull), f"{WORDS[norm]}, {hull} hull"
         number = {"h2": ("(3.41)", "(3.52)"), "l2": ("(3.43)", "(3.53)")}[norm]
         luenberger = gamma_star(plant, norm)
-        yield _compared(
+        yield compared(
             f"smallest level of a Luenberger observer, {word}",
             number[0],
             structured,
@@ -85,11 +84,11 @@ def level_rows() -> Iterator[Row]:
             "Projected on ker C.",
         )
         ours = gamma_star(plant, norm, structure="unstructured").level
-        yield _compared(
+        yield compared(
             f"smallest level of an unstructured observer, {word}", number[1], free, ours, "theta_m = theta - theta_D."
         )
         ours = gamma_star(plant, norm, form="plant").level
-        yield _compared(
+        yield compared(
             f"smallest level of a Luenberger observer driven by (x, u), {word}",
             number[0],
             exogenous,
@@ -99,7 +98,7 @@ def level_rows() -> Iterator[Row]:
         assert luenberger.direction is not None
         yield judged(
             f"L1 / L2 of large gains, {word}",
-            f"{number[0]}, {PAGE}",
+            f"{number[0]}, {INDEPENDENT}",
             f"{ratio:.4f}",
             f"{luenberger.direction:.4f}",
             "The size of the gain is unbounded at the infimum and not unique, its direction is. "
@@ -138,7 +137,7 @@ def finite_rows() -> Iterator[Row]:
         near = abs(found[0].level / level - 1) <= 1e-3 and np.allclose(gains[0], entries, rtol=0.01)
         yield judged(
             f"H2 Luenberger with one gain, {what}, {hull} hull",
-            f"(3.34), (3.41), {PAGE}",
+            f"(3.34), (3.41), {INDEPENDENT}",
             f"{level:g} / ({entries[0]:g}, {entries[1]:g})",
             f"{found[0].level:.5f} / ({gains[0][0]:.2f}, {gains[0][1]:.2f})",
             f"{' and '.join(solvers)} agree within {spread:.1e}. (3.34) leaves out -L wb r theta_D1, since y is computed from the measured "
@@ -147,7 +146,7 @@ def finite_rows() -> Iterator[Row]:
             deviation=abs(found[0].level - level),
         )
     flat = RobustLuenberger("l2", form="estimate").optimum(theta_plant(output="slip_constraint")).level
-    yield _compared(
+    yield compared(
         "H-infinity Luenberger with one gain, the error of vx in y counted, independent hull",
         "(3.43)",
         0.22920,
@@ -162,7 +161,7 @@ def frozen_rows() -> Iterator[Row]:
         worst = max(frozen_norms(theta_plant(), theta_gain(parts), norm))
         yield judged(
             f"largest frozen {WORDS[norm]} norm of the printed Luenberger gain over the sixteen vertices, row two turned",
-            f"(3.72), {PAGE}",
+            f"(3.72), {INDEPENDENT}",
             f"{expected:.4f}",
             f"{worst:.4f}",
             "Below the level of the common storage, as it must be: by a Lyapunov equation and a sweep of frequencies. "
@@ -283,22 +282,10 @@ def _analysed(item: str, equation: str, given: GivenGain, expected: float, withi
     gap = np.inf if level is None else abs(level - expected)
     return judged(
         item,
-        f"{equation}, {PAGE}",
+        f"{equation}, {INDEPENDENT}",
         f"{expected:g}",
         "none" if level is None else f"{level:.5f}",
         f"Best common storage for the printed digits; {proof}. The print states no level; beside stands an independent implementation.",
         reproduced=gap <= within * expected and outcome is Outcome.PROVED,
         deviation=None if level is None else gap,
-    )
-
-
-def _compared(item: str, equation: str, expected: float, ours: float, reason: str) -> Row:
-    return judged(
-        item,
-        f"{equation}, {PAGE}",
-        f"{expected:g}",
-        f"{ours:.5f}",
-        f"{reason} Beside stands an independent implementation.",
-        reproduced=abs(ours - expected) <= 0.005 * expected,
-        deviation=abs(ours - expected),
     )

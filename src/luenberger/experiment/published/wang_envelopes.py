@@ -8,7 +8,7 @@ from scipy.optimize import root_scalar
 
 from luenberger.algebra import Polynomial
 from luenberger.core import Trajectory
-from luenberger.experiment.published.row import Row, judged
+from luenberger.experiment.published.row import INDEPENDENT, Row, judged
 from luenberger.experiment.published.wang_enclosures import (
     GAINS,
     NOISE,
@@ -36,7 +36,7 @@ from luenberger.synthesize import synthesize
 from luenberger.systems.enclosure_system import order_margin
 from luenberger.vehicle import slip_angle_plant, wang_car
 
-EQUATION, PAGE = "Figs. 4.3 to 4.6", "independent implementation"
+EQUATION = "Figs. 4.3 to 4.6"
 # Side force of an axle [N] that is no stiffness times slip angle: combined slip under braking.
 FORCE_OFFSET = 30.0
 # Slip angle that the design of the width takes as the worst [rad]; the nominal drive reaches 0.024.
@@ -117,7 +117,7 @@ def _known(words: str, printed: Mapping[str, str], ours: Mapping[str, Envelope])
     worst = max(e.violation for e in ours.values())
     return judged(
         f"{words}: mean width front/rear [mrad], printed gain and no correction",
-        f"{EQUATION}, {PAGE}",
+        f"{EQUATION}, {INDEPENDENT}",
         ", ".join(printed[name] for name in ours),
         _widths(ours),
         f"Gap {100 * gap:.1f} % to an independent implementation, worst violation {_signed(worst)}. The printed gain has row two turned; "
@@ -134,7 +134,7 @@ def _designed(words: str, printed: Mapping[str, str], ours: Mapping[str, Envelop
     worst = max(e.violation for e in ours.values())
     return judged(
         f"{words}: mean width front/rear [mrad], gains designed here",
-        f"{EQUATION}, {PAGE}",
+        f"{EQUATION}, {INDEPENDENT}",
         ", ".join(printed[name] for name in ours),
         _widths(ours),
         f"Gap {100 * gap:.0f} %, worst violation {_signed(worst)}. Gains of one level are not unique and those of the other implementation "
@@ -150,7 +150,7 @@ def _unbounded_noise(ours: Mapping[str, list[Envelope]]) -> Row:
     worst = {name: results[0] for name, results in ours.items()}
     return judged(
         "noise that the bounds do not know of",
-        PAGE,
+        INDEPENDENT,
         "violations up to 0.7 mrad on 30 to 50 % of the samples",
         "; ".join(f"{n} {e.violation:.2f} mrad, {_share(e):.0f} %" for n, e in worst.items()),
         "The dissertation has no noise in chapter 4. The term |B + L D| noise_bound is what makes the envelope hold (rows above).",
@@ -165,7 +165,7 @@ def _scheduling(columns: Columns, truth: Trajectory) -> Row:
     ratio = [float((seeing[n][0].width / blind[n][0].width).max()) for n in columns]
     return judged(
         "speed read 10 % low, acceleration 15 % high: without and with the errors in the bounds",
-        PAGE,
+        INDEPENDENT,
         "0.15 to 2.1 mrad violated; 0, width x1.4 to x1.9",
         "; ".join(f"{n} {_signed(blind[n][0].violation)}, then {_signed(seeing[n][0].violation)}" for n in columns)
         + f"; width x{min(ratio):.1f} to x{max(ratio):.1f}",
@@ -179,14 +179,19 @@ def _drift(columns: Columns) -> Iterator[Row]:
     present = [truth for truth in truths if truth is not None]
     if len(present) < len(truths):
         yield judged(
-            "envelopes on the CommonRoad drift model", PAGE, "-", ABSENT, "`vehiclemodels` brings it.", reproduced=False
+            "envelopes on the CommonRoad drift model",
+            INDEPENDENT,
+            "-",
+            ABSENT,
+            "`vehiclemodels` brings it.",
+            reproduced=False,
         )
         return
     plain = envelopes(columns, car(), present)
     wide = envelopes(columns, car(force_offset=FORCE_OFFSET), present)
     yield judged(
         "drift model, no force offset in the bounds",
-        PAGE,
+        INDEPENDENT,
         "0.37 mrad violated on 4300 of 9000 samples",
         "; ".join(f"{n} {_signed(e[0].violation)} on {e[0].samples} samples" for n, e in plain.items()),
         "The guarantee is for the secant F / alpha. Under braking a tyre has a side force at zero slip, for which no secant stands.",
@@ -196,7 +201,7 @@ def _drift(columns: Columns) -> Iterator[Row]:
     growth = wide[name][0].width / plain[name][0].width - 1
     yield judged(
         f"drift model, force offset {FORCE_OFFSET:g} N in the bounds, steering x1 and x1.5",
-        PAGE,
+        INDEPENDENT,
         "0 violations at x1 and x1.5 (mismatch-weighted gain), width +40 %/+27 %",
         "; ".join(f"{n} {_signed(e[0].violation)}, {_signed(e[1].violation)}" for n, e in wide.items())
         + f"; width {100 * growth[0]:+.0f} %/{100 * growth[1]:+.0f} %",
@@ -205,7 +210,7 @@ def _drift(columns: Columns) -> Iterator[Row]:
     )
     yield judged(
         "drift model, steering x2",
-        PAGE,
+        INDEPENDENT,
         "rear secant 28.7 kN/rad < 35; violations 1.5 mrad to 11 mrad",
         "; ".join(f"{n} {_signed(e[2].violation)}" for n, e in plain.items()),
         "Outside the box nothing is promised, and nothing holds.",

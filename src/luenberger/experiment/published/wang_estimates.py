@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from luenberger.core import Trajectory
-from luenberger.experiment.published.row import Row, judged
+from luenberger.experiment.published.row import INDEPENDENT, Row, judged
 from luenberger.experiment.published.wang_gains import printed_observers
 from luenberger.experiment.published.wang_manoeuvre import STEP, drift_truth, linear_truth
 from luenberger.experiment.published.wang_runs import SCORED, Case, Readings, run, slip_truth
 from luenberger.observers import Observer
 
-FIGURE, PAGE = "Figs. 3.9 to 3.17", "independent implementation"
+FIGURE = "Figs. 3.9 to 3.17"
 ABSENT = "not run: package absent"
 AS_PRINTED = "feasibility gain as printed"
 CASES = (
@@ -103,7 +103,7 @@ def estimate_rows() -> Iterator[Row]:
     if drift is None:
         yield judged(
             "errors on the CommonRoad drift model",
-            f"{FIGURE}, {PAGE}",
+            f"{FIGURE}, {INDEPENDENT}",
             "-",
             ABSENT,
             "The package `vehiclemodels` is not installed; `pip install commonroad-vehicle-models` brings it.",
@@ -196,7 +196,7 @@ def _table(truth: str, lines: Any, errors: Mapping[str, np.ndarray]) -> Iterator
         worst = max(gaps.values())
         yield judged(
             f"{truth} truth, {CASES[case].words}: rms errors front/rear [mrad]",
-            f"{FIGURE}, {PAGE}",
+            f"{FIGURE}, {INDEPENDENT}",
             " ".join(printed.values()),
             ", ".join(f"{n} {errors[n][case][0]:.3f}/{errors[n][case][1]:.3f}" for n in printed),
             f"The dissertation shows curves without numbers; those beside are of an independent implementation. Largest gap {100 * worst:.1f} % "

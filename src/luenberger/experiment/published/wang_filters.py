@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from luenberger.core import Trajectory
-from luenberger.experiment.published.row import Row, judged
+from luenberger.experiment.published.row import INDEPENDENT, Row, judged
 from luenberger.experiment.published.wang_estimates import ABSENT, deviation, largest_gap
 from luenberger.experiment.published.wang_manoeuvre import PACKAGE_GRAVITY, drift_truth, linear_truth
 from luenberger.experiment.published.wang_runs import SCORED_FROM, SLIPS, START, START_TIME
@@ -17,7 +17,6 @@ from luenberger.observers import ExtendedKalmanFilter, UnscentedKalmanFilter
 from luenberger.systems.discretize import runge_kutta
 from luenberger.vehicle import MagicFormulaTyre, SingleTrack, Tyre, slip_angles, wang_car
 
-PAGE = "independent implementation"
 Filter = ExtendedKalmanFilter | UnscentedKalmanFilter
 SAMPLE_TIME = 0.01
 # One tuning for all, not optimised: standard deviations of gyro [rad/s] and accelerometer [m/s^2], process noise density.
@@ -91,7 +90,7 @@ def filter_rows() -> Iterator[Row]:
         away = max(deviation(text, value) for text, value in pairs)
         yield judged(
             f"{words}: rms errors front/rear [mrad] of Kalman filters",
-            PAGE,
+            INDEPENDENT,
             digits,
             ", ".join(f"{n} {front:.2f}/{rear:.2f}" for n, (front, rear) in zip(filters(), ours, strict=True)),
             f"Not in the dissertation; beside stands an independent implementation that does not say how it holds the steering between "
@@ -104,7 +103,12 @@ def filter_rows() -> Iterator[Row]:
         yield _tyre_matters(errors[-1])
     else:
         yield judged(
-            "filters on the CommonRoad drift model", PAGE, "-", ABSENT, "`vehiclemodels` brings it.", reproduced=False
+            "filters on the CommonRoad drift model",
+            INDEPENDENT,
+            "-",
+            ABSENT,
+            "`vehiclemodels` brings it.",
+            reproduced=False,
         )
 
 
@@ -112,7 +116,7 @@ def _alike(errors: np.ndarray) -> Row:
     gap = float(np.max(np.abs(errors[:, 4] / errors[:, 2] - 1)))
     return judged(
         "EKF and UKF with the same sensors and tyre",
-        PAGE,
+        INDEPENDENT,
         "differ by less than 0.5 %",
         f"{100 * gap:.2f} %",
         "Over all runs of this table, both axles, gyro and accelerometer, Magic Formula.",
@@ -125,7 +129,7 @@ def _tyre_matters(errors: np.ndarray) -> Row:
     linear, magic = float(errors[:2].max()), float(errors[2:].max())
     return judged(
         "steering twice as large: what matters",
-        PAGE,
+        INDEPENDENT,
         "the tyre model",
         f"linear tyres {linear:.1f} mrad, Magic Formula {magic:.1f} mrad at most",
         "With linear tyres a Kalman filter errs as much as the observers of the dissertation: the model is at fault, not the gain.",

@@ -6,7 +6,7 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.core import Infeasible, LuenbergerError
-from luenberger.experiment.published.row import Row, judged
+from luenberger.experiment.published.row import INDEPENDENT, Row, compared, judged
 from luenberger.experiment.published.wang_enclosures import SAME, TURNED, car
 from luenberger.experiment.published.wang_gains import INTERVAL, NONE, printed_gain
 from luenberger.experiment.published.wang_plants import ACCELERATION, SPEED, STIFFNESS
@@ -16,7 +16,6 @@ from luenberger.systems import Parameter, System
 from luenberger.systems.enclosure_system import order_margin
 from luenberger.vehicle import slip_angle_plant, wang_car
 
-PAGE = "independent implementation"
 # Speed up to which the printed gain, row two turned, keeps order [m/s].
 PRINTED_TOP = 118 / 3.6
 
@@ -34,7 +33,7 @@ def interval_design_rows() -> Iterator[Row]:
         ("20 m/s, (front, -rear)", fixed, TURNED, 0.1819),
     ):
         ours = level(system, coordinates)
-        yield _compared(
+        yield compared(
             f"smallest level of theorem 5, {words}", "(4.32)", expected, ours, "The dissertation prints the gain only."
         )
     for words, gain, system, expected in (
@@ -48,7 +47,7 @@ def interval_design_rows() -> Iterator[Row]:
             if gain is INTERVAL
             else "Common storage."
         )
-        yield _compared(f"level of {words}", "(4.47)", expected, ours, why)
+        yield compared(f"level of {words}", "(4.47)", expected, ours, why)
     yield _no_order()
 
 
@@ -115,23 +114,11 @@ def _no_order() -> Row:
         answer = f"refused: {str(refused).split(';')[0].split('. ')[0]}"
     return judged(
         "lateral speed and yaw rate as states, yaw rate measured, 20 m/s: entry that no gain reaches",
-        PAGE,
+        INDEPENDENT,
         "-1.543 1/s, no design",
         f"{worst:.3f} 1/s; {answer}",
         "d(yaw rate)/d(lateral speed) changes its sign over the stiffness box and stands in a column that y does not touch. In slip angles "
         "the same car is served.",
         reproduced=abs(worst + 1.543) < 0.0015 and answer.startswith("refused"),
         deviation=abs(worst + 1.543),
-    )
-
-
-def _compared(item: str, equation: str, expected: float, ours: float, reason: str) -> Row:
-    return judged(
-        item,
-        f"{equation}, {PAGE}",
-        f"{expected:g}",
-        f"{ours:.5f}",
-        f"{reason} Beside stands an independent implementation.",
-        reproduced=abs(ours - expected) <= 0.005 * expected,
-        deviation=abs(ours - expected),
     )
