@@ -74,7 +74,7 @@ def speed_weighted(
     problem = Problem(
         {**{p.name(): p for p in parts}, "squared": squared},
         [
-            Block("storage", -storage, error.box, relaxation=relaxation),
+            Block("storage", storage, error.box, relaxation=relaxation),
             Block("l2_gain", inequality, error.box, relaxation=relaxation),
         ],
         squared,
@@ -101,7 +101,7 @@ def speed_weighted_outcome(system: System, gain: Polynomial, inputs: str, form: 
     level = exact(np.array([[found.level]]))[0, 0]
     total = Outcome.PROVED
     for matrix in _inequalities(error, parts, inputs, level * level, exact_lift):
-        total = total & negative_definite(matrix if matrix.shape[0] > 2 else -matrix, error.box).outcome
+        total = total & negative_definite(matrix, error.box).outcome
     return total
 
 
@@ -116,7 +116,7 @@ def _scaled(parts: list) -> Polynomial:
 def _inequalities(
     error: ErrorSystem, parts: list, inputs: str, squared: object, lift: Lift = as_floats
 ) -> tuple[Polynomial, Polynomial]:
-    """s P and s times the bounded-real matrix, over the free parameters."""
+    """-s P and s times the bounded-real matrix over the free parameters; both have to be negative definite."""
     names = (SPEED_NAME, "acceleration", "acceleration_rate")
     # s P' = s (s' P1 + (s a)' P2 + a P3), with s' = -s^2 a and (s a)' = s jerk - s^2 a^2.
     motion = Polynomial(names, {(3, 1, 0): -parts[1], (2, 0, 1): parts[2], (3, 2, 0): -parts[2], (1, 1, 0): parts[3]})
@@ -125,7 +125,7 @@ def _inequalities(
     QA = Q @ error.A
     B = error.joined(inputs)
     corner = QA + QA.T + motion + error.eye(2) * s
-    return Q, symmetric([[corner, Q @ B], [-(error.eye(B.shape[1]) * s) * squared]])
+    return -Q, symmetric([[corner, Q @ B], [-(error.eye(B.shape[1]) * s) * squared]])
 
 
 def storage_rows() -> Iterator[Row]:
