@@ -42,7 +42,11 @@ def synthesize(system: System, method: Method, *, digits: int = 7, require: bool
     candidate = method.design(system)
     gain = candidate.gain.map(lambda c: _rounded(c, digits))
     model = None if candidate.model is None else _rounded_model(candidate.model, digits)
-    certificate = _certified(system, gain, candidate.claims(gain), model)
+    second = None
+    if candidate.argument_gain is not None:
+        second = candidate.argument_gain.map(lambda c: _rounded(c, digits))
+    claims = candidate.claims(gain) if second is None else candidate.claims(gain, second)
+    certificate = _certified(system, gain, claims, model, second)
     if require and certificate.outcome is not Outcome.PROVED:
         worst = next(p for p in certificate.proofs if p.outcome is not Outcome.PROVED)
         raise NotCertified(
@@ -52,22 +56,32 @@ def synthesize(system: System, method: Method, *, digits: int = 7, require: bool
     total = time.perf_counter() - start
     statistics = {**candidate.statistics, "certificate_seconds": certificate.seconds, "seconds": total}
     return Design(
-        system, gain, certificate, type(method).__name__, _options(method), method.references, statistics, model
+        system,
+        gain,
+        certificate,
+        type(method).__name__,
+        _options(method),
+        method.references,
+        statistics,
+        model,
+        second,
     )
 
 
-def _certified(system: System, gain: Polynomial, claims: Sequence[Claim], model: System | None = None) -> Certificate:
+def _certified(
+    system: System, gain: Polynomial, claims: Sequence[Claim], model: System | None, argument_gain: Polynomial | None
+) -> Certificate:
     """Prove the claims; where a decay witness broke under rounding, look once for a better witness of the same claim."""
-    certificate = certify_claims(system, gain, claims, model)
+    certificate = certify_claims(system, gain, claims, model, argument_gain=argument_gain)
     if certificate.outcome is Outcome.PROVED:
         return certificate
     mended: list[Claim] = []
     for proof in certificate.proofs:
         found = None
         if proof.claim.kind == "decay" and proof.outcome is not Outcome.PROVED and model is None:
-            found = decay_storage(system, gain, proof.claim.level)
+            found = decay_storage(system, gain, proof.claim.level, argument_gain=argument_gain)
         mended.append(proof.claim if found is None else replace(proof.claim, storage=found[0], multiplier=found[1]))
-    return certify_claims(system, gain, mended, model)
+    return certify_claims(system, gain, mended, model, argument_gain=argument_gain)
 
 
 def _rounded_model(model: System, digits: int) -> System:

@@ -1,17 +1,22 @@
 """Designs as files: nothing is lost, damage is named, and code is never read from a file."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from catalogue import robot, scheduled_oscillator
+from luenberger.algebra import Polynomial
+from luenberger.certify import Claim, certify_claims
 from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.design import Design
 from luenberger.methods import PolytopicLuenberger, StructuredLipschitz
+from luenberger.observers import TwoDofObserver
 from luenberger.synthesize import synthesize
-from luenberger.systems import MatrixFunction, Parameter, System
+from luenberger.systems import MatrixFunction, Nonlinearity, Parameter, System
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +95,40 @@ def test_function_matrix_has_no_text(tmp_path: Path) -> None:
     other = Design(plant, design.gain, design.certificate, "none")
     with pytest.raises(NotAccepted, match="JAX function"):
         other.save(tmp_path / "d.json")
+
+
+def two_dof_by_hand(**changes: object) -> Design:
+    """x1' = -x1 + 50 g x1 with x1 measured: an argument gain of one takes it out."""
+    hull = np.array([[[-50.0, 0.0]], [[50.0, 0.0]]])
+    f = Nonlinearity.bounded(lambda z, u: 50.0 * jnp.sin(z[:1]), np.eye(2), hull=hull, domain=([-9.0] * 2, [9.0] * 2))
+    plant = System.nonlinear(-np.eye(2), C=[[1.0, 0.0]], F=[[1.0], [0.0]], nonlinearity=f)
+    zero, one = Polynomial.constant(np.zeros((2, 1))), Polynomial.constant([[1.0], [0.0]])
+    claims = [Claim("decay", 0.9, np.eye(2)), Claim("argument_gain_bound", 1.5)]
+    certificate = certify_claims(plant, zero, claims, argument_gain=one)
+    return replace(Design(plant, zero, certificate, "by hand", argument_gain=one), **changes)  # type: ignore[arg-type]
+
+
+def test_argument_gain_and_hull_are_kept_in_the_file(tmp_path: Path) -> None:
+    design = two_dof_by_hand()
+    assert design.certificate.outcome is Outcome.PROVED
+    design.save(tmp_path / "design.json")
+    again = Design.load(tmp_path / "design.json", design.system.nonlinearity.function)  # type: ignore[union-attr]
+    assert again.certify().outcome is Outcome.PROVED
+    f = again.system.nonlinearity
+    assert f is not None
+    assert f.jacobian_vertices is not None
+    assert f.jacobian_vertices.shape == (2, 1, 2)
+    assert isinstance(again.observer(0.01), TwoDofObserver)
+    assert replace(again, argument_gain=None).certify().outcome is Outcome.REFUTED
+
+
+def test_a_clipped_function_is_known_as_such_from_the_file(tmp_path: Path) -> None:
+    design = two_dof_by_hand()
+    f = design.system.nonlinearity
+    assert f is not None
+    clipped = replace(design, system=design.system.replace(nonlinearity=f.boxed().clipped()))
+    clipped.save(tmp_path / "design.json")
+    certificate = Design.load(tmp_path / "design.json").certify()
+    assert certificate.outcome is Outcome.PROVED
+    assert any(line.startswith("The state stays in the box") for line in certificate.assumptions)
+    assert any(line.startswith("State and estimate") for line in design.certify().assumptions)

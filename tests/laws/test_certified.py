@@ -35,7 +35,13 @@ def test_spoiled_level_is_refused(design: Design) -> None:
             continue  # these have no level
         worse = claim.level + 50.0 if claim.kind in ("decay", "width_decay") else claim.level / 2
         assert (
-            certify_claims(design.system, design.gain, [replace(claim, level=worse)], design.model).outcome
+            certify_claims(
+                design.system,
+                design.gain,
+                [replace(claim, level=worse)],
+                design.model,
+                argument_gain=design.argument_gain,
+            ).outcome
             is not Outcome.PROVED
         )
 
@@ -44,4 +50,7 @@ def test_spoiled_storage_is_refused(design: Design) -> None:
     for claim in design.certificate.claims:
         if claim.storage is not None:
             spoiled = replace(claim, storage=-claim.storage)
-            assert certify_claims(design.system, design.gain, [spoiled], design.model).outcome is Outcome.REFUTED
+            checked = certify_claims(
+                design.system, design.gain, [spoiled], design.model, argument_gain=design.argument_gain
+            )
+            assert checked.outcome is Outcome.REFUTED

@@ -22,7 +22,7 @@ PICK = [[0.0, 1.0]]
 
 
 def test_a_bound_is_needed() -> None:
-    with pytest.raises(BadInput, match="neither `jacobian` nor `lipschitz` is given"):
+    with pytest.raises(BadInput, match="neither `jacobian` nor `hull` nor `lipschitz` is given"):
         Nonlinearity.bounded(sine, PICK)
 
 
@@ -104,3 +104,28 @@ def test_an_enclosed_jacobian_is_proved_and_contains_the_true_one() -> None:
     # cos falls on [0.1, 1.0]; the box may be a thousandth wider, never narrower.
     assert np.cos(1.0) - 1e-3 <= lower[0, 0] <= np.cos(1.0)
     assert np.cos(0.1) <= upper[0, 0] <= np.cos(0.1) + 1e-3
+
+
+def test_a_hull_stands_for_the_box_around_it() -> None:
+    vertices = np.array([[[0.0, -1.0]], [[2.0, 0.0]], [[-2.0, 0.0]]])
+    f = Nonlinearity.bounded(lambda z, u: z[:1], np.eye(2), hull=vertices)
+    assert f.jacobian_lower is not None
+    np.testing.assert_array_equal(f.jacobian_lower, [[-2.0, -1.0]])
+    np.testing.assert_array_equal(f.jacobian_upper, [[2.0, 0.0]])
+    # The box reaches (2, -1), of norm sqrt 5; the hull only norm 2.
+    assert f.lipschitz_bound == pytest.approx(2.0)
+    assert f.boxed().lipschitz_bound == pytest.approx(5**0.5)
+
+
+@pytest.mark.parametrize(
+    ("hull", "jacobian"),
+    [
+        (np.zeros((0, 1, 2)), None),
+        (np.zeros((3, 2, 2)), None),
+        (np.zeros((1, 2)), None),
+        (np.zeros((3, 1, 2)), ([[0.0, 0.0]], [[1.0, 1.0]])),
+    ],
+)
+def test_a_hull_of_the_wrong_shape_or_beside_a_box_is_refused(hull: np.ndarray, jacobian: Any) -> None:
+    with pytest.raises(BadInput, match="`hull` has shape"):
+        Nonlinearity.bounded(sine, np.eye(2), hull=hull, jacobian=jacobian)

@@ -123,6 +123,11 @@ class Certifiable(Protocol):
         ...
 
     @property
+    def argument_gain(self) -> Polynomial | None:
+        """L2(r); None for zero."""
+        ...
+
+    @property
     def certificate(self) -> Certificate:
         """The claims."""
         ...
@@ -138,7 +143,10 @@ def certify(design: Certifiable, progress: Callable[[str, float], None] | None =
     Returns:
         a fresh certificate; read `.outcome`.
     """
-    return certify_claims(design.system, design.gain, design.certificate.claims, design.model, progress)
+    claims = design.certificate.claims
+    return certify_claims(
+        design.system, design.gain, claims, design.model, progress, argument_gain=design.argument_gain
+    )
 
 
 def certify_claims(
@@ -147,6 +155,8 @@ def certify_claims(
     claims: Sequence[Claim],
     model: System | None = None,
     progress: Callable[[str, float], None] | None = None,
+    *,
+    argument_gain: Polynomial | None = None,
 ) -> Certificate:
     """Prove claims about the closed loop of a plant and a gain over the whole box.
 
@@ -159,6 +169,7 @@ def certify_claims(
         claims: what to prove.
         model: what the observer copies; None for the plant itself.
         progress: called with what is being proved and the share done.
+        argument_gain: L2(r), shape (nx, ny), of an observer with two degrees of freedom; None for zero.
     """
     start = time.perf_counter()
     proofs: list[Proof] = []
@@ -166,19 +177,26 @@ def certify_claims(
         if progress is not None:
             progress(f"proving {claim.kind}", k / len(claims))
         begin = time.perf_counter()
-        proof = prove(system, gain, claim, model)
+        proof = prove(system, gain, claim, model, argument_gain=argument_gain)
         proofs.append(replace(proof, seconds=time.perf_counter() - begin))
     return Certificate(tuple(proofs), assumptions(system, claims), time.perf_counter() - start)
 
 
-def prove(system: System, gain: Polynomial, claim: Claim, model: System | None = None) -> Proof:
+def prove(
+    system: System,
+    gain: Polynomial,
+    claim: Claim,
+    model: System | None = None,
+    *,
+    argument_gain: Polynomial | None = None,
+) -> Proof:
     """Prove, refute or leave undecided one claim; see `certify_claims`."""
     if refusal := _misfit(system, claim):
         return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, refusal)
     if claim.kind in ENCLOSURE_KINDS:
         failed, verdict = enclosure_verdict(system, gain, claim)
     else:
-        failed, verdict = claim_verdict(system, gain, claim, model)
+        failed, verdict = claim_verdict(system, gain, claim, model, argument_gain=argument_gain)
     reason = _reason(claim, failed, verdict)
     return Proof(claim, verdict.outcome, verdict.margin, verdict.point, verdict.pieces, reason)
 
@@ -222,13 +240,15 @@ def assumptions(system: System, claims: Sequence[Claim] = ()) -> tuple[str, ...]
             if f.bound_status == "proved"
             else "declared by the user"
         )
+        which = "box" if f.jacobian_vertices is None else f"hull of {len(f.jacobian_vertices)} matrices inside the box"
         lines.append(
-            f"The Jacobian of the nonlinearity stays in its box ({how}): {_box_text(f.jacobian_lower, f.jacobian_upper)}."
+            f"The Jacobian of the nonlinearity stays in its {which} ({how}): {_box_text(f.jacobian_lower, f.jacobian_upper)}."
         )
     elif f is not None:
         lines.append(f"The nonlinearity has Lipschitz constant {f.lipschitz_bound:.6g} (declared by the user).")
     if f is not None and f.domain is not None:
-        lines.append(f"State and estimate stay in the box {_box_text(*f.domain)}.")
+        who = "The state stays" if f.is_clipped else "State and estimate stay"
+        lines.append(f"{who} in the box {_box_text(*f.domain)}.")
     return tuple(lines)
 
 

@@ -19,7 +19,17 @@ from luenberger.core import BadInput
 from luenberger.core.checks import finite_array, known_keys, matrix
 
 Kind = Literal[
-    "decay", "l2_gain", "h2_gain", "gain_bound", "cooperative", "width_decay", "width_gain", "width", "containment"
+    "decay",
+    "l2_gain",
+    "h2_gain",
+    "gain_bound",
+    "argument_gain_bound",
+    "domain",
+    "cooperative",
+    "width_decay",
+    "width_gain",
+    "width",
+    "containment",
 ]
 # Claims about the width of an enclosure; `luenberger.certify.enclosure` proves them.
 ENCLOSURE_KINDS: tuple[Kind, ...] = ("cooperative", "width_decay", "width_gain", "width", "containment")
@@ -32,7 +42,10 @@ class Claim:
     * decay: V = e' P e falls at least like exp(-2 level t) (a step of a discrete plant: V falls by level^2).
     * l2_gain: |weight e|_2 <= level |w|_2 from zero initial error, w the disturbance, the noise, or both.
     * h2_gain: unit white noise w drives weight e to a root mean square <= level (for frozen parameters the H2 norm).
-    * gain_bound: |L(r)|_2 <= level.
+    * gain_bound: |L(r)|_2 <= level, L what multiplies the output error in the derivative of the estimate.
+    * argument_gain_bound: |L2(r)|_2 <= level, L2 what multiplies it in the argument of f.
+    * domain: while the state keeps `state_bound` away from the faces of the domain of f, errors with e' P e <= level keep
+      the estimate and the argument of f inside the domain, stay in that set, and go to zero.
     * cooperative: all entries of T (A(r,q) - L(r) C(r)) T^-1 off the diagonal are >= 0, so that order is kept.
     * width_decay, width_gain: as decay and l2_gain, for the width of the enclosure that an interval observer draws.
     * width: once every width |T x| is below `vector` it stays there, inside the stated bounds.
@@ -51,7 +64,8 @@ class Claim:
         trace: witness Z of an H2 claim, shape (nz, nz): [P, W'; W, Z] > 0 and trace Z < level.
         transform: coordinates T of an enclosure claim, shape (nx, nx); None for the states themselves.
         vector: witness of a width claim, shape (nx,).
-        state_bound: |x_k| <= bound that a width claim assumes, shape (nx,), or (nx + nu,) with bounds of the inputs.
+        state_bound: |x_k| <= bound that a width claim assumes, shape (nx,), or (nx + nu,) with bounds of the inputs; of a
+            domain claim the distance that the state keeps from the faces of the domain, shape (nx,).
 
     Raises:
         BadInput: negative or non-finite level, missing witness.
@@ -72,8 +86,10 @@ class Claim:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.level) and self.level >= 0):
             raise BadInput(f"The claim `{self.kind}` has level {self.level}; a finite level >= 0 is needed.")
-        if self.kind in ("gain_bound", "cooperative", "containment"):
+        if self.kind in ("gain_bound", "argument_gain_bound", "cooperative", "containment"):
             return
+        if self.kind == "domain" and (self.state_bound is None or not self.level > 0):
+            raise BadInput("A domain claim needs a level above zero and `state_bound`, the distances from the faces.")
         if self.kind == "width":
             if self.vector is None:
                 raise BadInput("A width claim needs its witness `vector`; nothing could check it.")
@@ -96,6 +112,10 @@ class Claim:
         """The claim in words."""
         if self.kind == "gain_bound":
             return f"The gain norm |L(r)| stays below {self.level:.6g} on the whole scheduling box."
+        if self.kind == "argument_gain_bound":
+            return f"The gain in the argument of f, |L2(r)|, stays below {self.level:.6g} on the whole scheduling box."
+        if self.kind == "domain":
+            return self._domain_sentence()
         if self.kind in ("l2_gain", "h2_gain"):
             channels = ("disturbance+noise" if self.inputs == "both" else self.inputs).split("+")
             what = " and ".join(_inputs[c].format(signal="x" if self.form == "plant" else "xhat") for c in channels)
@@ -118,6 +138,14 @@ class Claim:
             return f"Without disturbance and noise, |e| <= {bound:.4g} |e0| at all times and e goes to zero, inside the stated sets."
         law = f"{self.level:.6g}^k" if discrete else f"exp(-{self.level:.6g} t)"
         return f"Without disturbance and noise, |e| <= {bound:.4g} |e0| {law} for every error inside the stated sets."
+
+    def _domain_sentence(self) -> str:
+        axes = np.sqrt(self.level / np.linalg.eigvalsh(np.asarray(self.storage)))
+        kept = ", ".join(f"{m:.4g}" for m in np.asarray(self.state_bound))
+        return (
+            f"While the state keeps ({kept}) away from the faces of the domain of f, errors in e' P e <= {self.level:.6g} "
+            f"(semi-axes {axes.min():.4g} to {axes.max():.4g}) keep the estimate inside the domain and go to zero."
+        )
 
     def as_text(self) -> dict[str, Any]:
         """Plain data for JSON; every number that the proof uses is a rational as a string."""

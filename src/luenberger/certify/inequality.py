@@ -1,6 +1,7 @@
 """The matrix inequalities of a claim about the error, and their proof in exact rationals or balls."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,23 +14,55 @@ from luenberger.certify.claim import Claim
 from luenberger.certify.continuum import Verdict, negative_definite
 from luenberger.core import NotAccepted, Outcome
 from luenberger.systems import System
-from luenberger.systems.error_system import ErrorSystem
-from luenberger.systems.jacobian_box import error_box
+from luenberger.systems.error_system import ErrorSystem, Form, Lift
+from luenberger.systems.jacobian_box import error_box, jacobian_corners
 from luenberger.systems.matrix import MatrixFunction, PlantMatrix
 from luenberger.systems.scheduling_error import scheduling_rates
 
-Lift = Callable[[PlantMatrix], Polynomial]
 Posed = Callable[[Lift], Polynomial]
+# Inequalities about the error, which differ from corner to corner of a Jacobian hull.
+ERROR_KINDS = ("decay", "l2_gain", "h2_gain")
 
 
-def claim_verdict(system: System, gain: Polynomial, claim: Claim, model: System | None = None) -> tuple[str, Verdict]:
+@dataclass(frozen=True)
+class Loop:
+    """What closes the loop around a plant with one Jacobian set.
+
+    Args:
+        system: plant, or a corner of it.
+        gain: L(r).
+        model: what the observer copies; None for the plant itself.
+        argument_gain: L2(r); None for zero.
+    """
+
+    system: System
+    gain: Polynomial
+    model: System | None
+    argument_gain: Polynomial | None
+
+    def error(self, lift: Lift, form: Form) -> ErrorSystem:
+        """Return the error system in one arithmetic."""
+        return ErrorSystem.of(
+            self.system, self.gain, lift, model=self.model, form=form, argument_gain=self.argument_gain
+        )
+
+
+def claim_verdict(
+    system: System,
+    gain: Polynomial,
+    claim: Claim,
+    model: System | None = None,
+    *,
+    argument_gain: Polynomial | None = None,
+) -> tuple[str, Verdict]:
     """Decide a claim about the error from plant, gain and witnesses.
 
     Args:
         system: plant.
         gain: L(r).
-        claim: decay, L2 gain, H2 gain or gain bound.
+        claim: decay, L2 gain, H2 gain, or a bound on a gain.
         model: what the observer copies; None for the plant itself.
+        argument_gain: L2(r) of an observer with two degrees of freedom; None for zero.
 
     Returns:
         the inequality that failed (empty where none did), and the verdict.
@@ -38,15 +71,21 @@ def claim_verdict(system: System, gain: Polynomial, claim: Claim, model: System 
     functions = [m for plant in plants for m in plant.matrices.values() if isinstance(m, MatrixFunction)]
     # Each function is read once; pieces only evaluate what was read.
     traces = {id(m): _traced(m) for m in functions}
-    box = error_box(system) | ({} if functions else scheduling_rates(system.parameters)[1])
-    margin, pieces = np.inf, 0
-    for name, posed in _posed(system, gain, claim, model).items():
-        matrix = _on_pieces(posed, traces) if functions else posed(exact_lift)
-        verdict = negative_definite(matrix, box)
-        if verdict.outcome is not Outcome.PROVED:
-            return name, verdict
-        if name == claim.kind:
-            margin, pieces = verdict.margin, verdict.pieces
+    loops = [Loop(corner, gain, model, argument_gain) for corner in jacobian_corners(system)]
+    margin, pieces, settled = np.inf, 0, set[str]()
+    for loop in loops:
+        box = error_box(loop.system) | ({} if functions else scheduling_rates(system.parameters)[1])
+        for name, posed in _posed(loop, claim).items():
+            if name in settled:
+                continue
+            matrix = _on_pieces(posed, traces) if functions else posed(exact_lift)
+            verdict = negative_definite(matrix, box)
+            if verdict.outcome is not Outcome.PROVED:
+                return name, verdict
+            if name == claim.kind:
+                margin, pieces = min(margin, verdict.margin), pieces + verdict.pieces
+            if name not in ERROR_KINDS:
+                settled.add(name)  # says nothing of the Jacobian
     return "", Verdict(Outcome.PROVED, float(margin), {}, pieces)
 
 
@@ -64,11 +103,14 @@ def exact_lift(matrix: PlantMatrix) -> Polynomial:
     return matrix.map(exact)
 
 
-def _posed(system: System, gain: Polynomial, claim: Claim, model: System | None) -> dict[str, Posed]:
+def _posed(loop: Loop, claim: Claim) -> dict[str, Posed]:
     """Name -> symmetric matrix that must be negative definite on the box for the claim to hold."""
-    level = exact(np.array([[claim.level]]))[0, 0]
-    if claim.kind == "gain_bound":
-        return {"gain_bound": lambda lift: _norm_bound(system, lift(gain), claim.level, lift)}
+    level, system = exact(np.array([[claim.level]]))[0, 0], loop.system
+    if claim.kind in ("gain_bound", "argument_gain_bound"):
+        bounded = loop.gain if claim.kind == "gain_bound" else loop.argument_gain
+        if bounded is None:
+            bounded = Polynomial.constant(np.zeros(loop.gain.shape))
+        return {claim.kind: lambda lift: _norm_bound(system, lift(bounded), claim.level, lift)}
     # An H2 claim states B B' against the level itself, an L2 claim against its square.
     squared = level if claim.kind == "h2_gain" else level * level
     multiplier = exact(np.array([[claim.multiplier or 0.0]]))[0, 0]
@@ -80,14 +122,14 @@ def _posed(system: System, gain: Polynomial, claim: Claim, model: System | None)
         return Polynomial.constant(exact(np.asarray(P(dict.fromkeys(P.names, 0.0)))))
 
     def positive(lift: Lift) -> Polynomial:
-        error = ErrorSystem.of(system, gain, lift, model=model, form=claim.form)
+        error = loop.error(lift, claim.form)
         P = error.storage(storage(lift))[0]
         if claim.kind != "h2_gain":
             return -P
         return -symmetric([[P, exact(np.asarray(claim.weight).T)], [exact(np.asarray(claim.trace))]])
 
     def inequality(lift: Lift) -> Polynomial:
-        error = ErrorSystem.of(system, gain, lift, model=model, form=claim.form)
+        error = loop.error(lift, claim.form)
         P = storage(lift)
         if claim.kind == "decay":
             return error.dissipation(P, rate=level, multiplier=multiplier)

@@ -14,11 +14,12 @@ from luenberger.certify.rational_text import polynomial_as_text, polynomial_from
 from luenberger.core import BadInput
 from luenberger.core.checks import known_keys
 from luenberger.design.system_text import system_as_text, system_from_text
-from luenberger.observers import CorrectionObserver, IntervalObserver
+from luenberger.observers import CorrectionObserver, IntervalObserver, TwoDofObserver
 from luenberger.systems import System
 
 FORMAT = "luenberger design 1"
 _KEYS = ("format", "method", "options", "references", "system", "gain", "model", "certificate", "statistics")
+_LATER = ("argument_gain",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,7 @@ class Design:
         references: papers, one string each.
         statistics: solver name, times [s], residuals; informative only.
         model: what the observer copies where that is not the plant (unstructured designs), else None.
+        argument_gain: L2(r), shape (nx, ny), by which the output error also corrects the argument of f; None for zero.
     """
 
     system: System
@@ -44,20 +46,24 @@ class Design:
     references: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
     model: System | None = None
+    argument_gain: Polynomial | None = None
 
-    def observer(self, dt: float, **options: Any) -> CorrectionObserver | IntervalObserver:
+    def observer(self, dt: float, **options: Any) -> CorrectionObserver | IntervalObserver | TwoDofObserver:
         """Return the running observer with sample time dt [s].
 
-        A design that claims containment runs as an interval observer in the coordinates of that claim, one with a model of
-        its own as a copy of that model, any other as a copy of the plant.
+        A design that claims containment runs as an interval observer in the coordinates of that claim, one with an argument
+        gain as an observer with two degrees of freedom, one with a model of its own as a copy of that model, any other as a
+        copy of the plant.
 
         Args:
             dt: sample time [s]; a discrete design needs its own.
-            options: see `CorrectionObserver` or `IntervalObserver`.
+            options: see `CorrectionObserver`, `IntervalObserver` or `TwoDofObserver`.
         """
         enclosing = next((c for c in self.certificate.claims if c.kind == "containment"), None)
         if enclosing is not None:
             return IntervalObserver(self.system, self.gain, dt, transform=enclosing.transform, **options)
+        if self.argument_gain is not None:
+            return TwoDofObserver(self.system, self.gain, self.argument_gain, dt, **options)
         return CorrectionObserver(self.system if self.model is None else self.model, self.gain, dt, **options)
 
     def certify(self) -> Certificate:
@@ -87,6 +93,7 @@ class Design:
             "system": system_as_text(self.system),
             "gain": polynomial_as_text(self.gain),
             "model": None if self.model is None else system_as_text(self.model),
+            "argument_gain": None if self.argument_gain is None else polynomial_as_text(self.argument_gain),
             "certificate": self.certificate.as_text(),
             "statistics": dict(self.statistics),
         }
@@ -111,12 +118,15 @@ class Design:
             raise BadInput(f"`{path}` is not JSON ({cause}); give a file written by `Design.save`.") from None
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             raise BadInput(f"`{path}` is no design file; its `format` needs to be `{FORMAT}`.")
-        known_keys(f"`{path}`", data, _KEYS)
+        known_keys(f"`{path}`", data, [*_KEYS, *_LATER])
         try:
             return Design(
                 system=system_from_text(data["system"], function),
                 gain=polynomial_from_text(data["gain"]),
                 model=None if data.get("model") is None else system_from_text(data["model"]),
+                argument_gain=None
+                if data.get("argument_gain") is None
+                else polynomial_from_text(data["argument_gain"]),
                 certificate=Certificate.from_text(data["certificate"]),
                 method=data["method"],
                 options=data["options"],

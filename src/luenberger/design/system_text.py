@@ -155,6 +155,10 @@ def _nonlinearity_as_text(f: Nonlinearity) -> dict[str, Any]:
         "lipschitz": None if f.lipschitz is None else to_text(float(f.lipschitz)),
         "domain": None if f.domain is None else [matrix_text(d)[0] for d in f.domain],
         "bound_status": f.bound_status,
+        "jacobian_vertices": None
+        if f.jacobian_vertices is None
+        else [matrix_text(np.asarray(J)) for J in f.jacobian_vertices],
+        "is_clipped": f.is_clipped,
     }
 
 
@@ -167,7 +171,7 @@ def _nonlinearity_from_text(data: dict[str, Any], function: Any) -> Nonlinearity
             f"The design was loaded without its nonlinear function `{data['function']}`; pass `function=` to `Design.load` to run an observer."
         )
 
-    domain = data["domain"]
+    domain, vertices = data["domain"], data.get("jacobian_vertices")
     return Nonlinearity(
         function=absent if function is None else function,
         H=matrix_from_text(data["H"]),
@@ -179,4 +183,6 @@ def _nonlinearity_from_text(data: dict[str, Any], function: Any) -> Nonlinearity
         if domain is None
         else (np.array([from_text(x) for x in domain[0]]), np.array([from_text(x) for x in domain[1]])),
         bound_status=data["bound_status"],
+        jacobian_vertices=None if vertices is None else np.array([matrix_from_text(J) for J in vertices]),
+        is_clipped=bool(data.get("is_clipped", False)),
     )

@@ -12,6 +12,7 @@ from luenberger.lmi.recipe import centre
 from luenberger.lmi.relaxation import Bernstein, Relaxation
 from luenberger.systems import System
 from luenberger.systems.error_system import ErrorSystem, Form
+from luenberger.systems.jacobian_box import jacobian_corners
 from luenberger.systems.scheduling_error import scheduling_rates
 
 Monomials = Sequence[dict[str, int]]
@@ -24,6 +25,7 @@ def decay_storage(
     *,
     monomials: Monomials = ({},),
     relaxation: Relaxation | None = None,
+    argument_gain: Polynomial | None = None,
 ) -> tuple[np.ndarray | Polynomial, float] | None:
     """Return (P, multiplier) that show the decay rate with the largest margin, or None.
 
@@ -33,10 +35,11 @@ def decay_storage(
         rate: decay rate [1/s], or factor a step of a discrete plant.
         monomials: what P may depend on, see `storage_variable`; default: a constant P.
         relaxation: how the box is replaced by finitely many inequalities.
+        argument_gain: L2(r) of an observer with two degrees of freedom; None for zero.
     """
-    error = ErrorSystem.of(system, gain)
-    P, s, variables, blocks = _posed(error, system.nx, monomials, relaxation)
-    blocks.append(_block("decay", error.dissipation(P, rate=rate, multiplier=s), error, relaxation))
+    errors = [ErrorSystem.of(corner, gain, argument_gain=argument_gain) for corner in jacobian_corners(system)]
+    P, s, variables, blocks = _posed(errors[0], system.nx, monomials, relaxation)
+    blocks += [_block("decay", e.dissipation(P, rate=rate, multiplier=s), e, relaxation) for e in errors]
     t = cp.Variable()
     size = sum((cp.trace(c) for _, c in P), start=0)
     found = solve(Problem({**variables, "s": s, "t": t}, blocks, t), slack=t, extra=[size <= system.nx])
@@ -55,6 +58,7 @@ def l2_storage(
     model: System | None = None,
     monomials: Monomials = ({},),
     relaxation: Relaxation | None = None,
+    argument_gain: Polynomial | None = None,
 ) -> tuple[float, np.ndarray | Polynomial, float] | None:
     """Return (level, P, multiplier) of the smallest L2 gain found for a fixed gain, backed off by one percent; or None.
 
@@ -67,22 +71,27 @@ def l2_storage(
         model: what the observer copies; None for the plant itself.
         monomials: what P may depend on; default: a constant P.
         relaxation: how the box is replaced by finitely many inequalities.
+        argument_gain: L2(r) of an observer with two degrees of freedom; None for zero.
 
     Raises:
         BadInput: an input that the error does not have.
     """
-    error = ErrorSystem.of(system, gain, form=form, model=model)
-    P, s, variables, blocks = _posed(error, system.nx, monomials, relaxation)
+    errors = [
+        ErrorSystem.of(corner, gain, form=form, model=model, argument_gain=argument_gain)
+        for corner in jacobian_corners(system)
+    ]
+    P, s, variables, blocks = _posed(errors[0], system.nx, monomials, relaxation)
     squared = cp.Variable(nonneg=True)
-    matrix = error.dissipation(
-        P,
-        rate=0 if system.dt is None else 1,
-        weight=Polynomial.constant(np.asarray(weight, dtype=float)),
-        inputs=error.joined(inputs),
-        gain_squared=squared,
-        multiplier=s,
-    )
-    blocks.append(_block("l2_gain", matrix, error, relaxation))
+    for error in errors:
+        matrix = error.dissipation(
+            P,
+            rate=0 if system.dt is None else 1,
+            weight=Polynomial.constant(np.asarray(weight, dtype=float)),
+            inputs=error.joined(inputs),
+            gain_squared=squared,
+            multiplier=s,
+        )
+        blocks.append(_block("l2_gain", matrix, error, relaxation))
     found = centre(Problem({**variables, "s": s, "squared": squared}, blocks, squared), back_off=0.02)
     if found is None:
         return None

@@ -24,15 +24,19 @@ class Candidate:
 
     Args:
         gain: L(r) with full digits; it is rounded before anything is claimed.
-        claims: takes the rounded gain, returns the claims with witnesses; they are proved or the design is refused.
+        claims: takes the rounded gain (and the rounded argument gain where there is one), returns the claims with
+            witnesses; they are proved or the design is refused.
         statistics: solver, times [s], optimum; plain JSON values.
         model: what the observer copies where that is not the plant; its A and B are rounded as the gain is.
+        argument_gain: L2(r) of an observer with two degrees of freedom, rounded too; None where f is evaluated at the
+            estimate itself.
     """
 
     gain: Polynomial
-    claims: Callable[[Polynomial], Sequence[Claim]]
+    claims: Callable[..., Sequence[Claim]]
     statistics: Mapping[str, Any] = field(default_factory=dict)
     model: System | None = None
+    argument_gain: Polynomial | None = None
 
 
 @runtime_checkable

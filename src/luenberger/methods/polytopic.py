@@ -23,7 +23,7 @@ from luenberger.methods.method import (
 )
 from luenberger.methods.scheduled_storage import EPSILONS, Posed, posed, require_rates, smallest_moving
 from luenberger.systems import System
-from luenberger.systems.jacobian_box import as_floats, error_box, jacobian
+from luenberger.systems.jacobian_box import as_floats, error_box, jacobian, jacobian_corners
 from luenberger.systems.observability import require_detectable
 
 
@@ -111,14 +111,17 @@ class PolytopicLuenberger:
 
     def _posed(self, system: System) -> tuple[Problem, Polynomial]:
         A, C = as_floats(system.A), as_floats(system.C)
-        box = error_box(system)
         P = cp.Variable((system.nx, system.nx), symmetric=True, name="P")
         like = [] if self.schedule == "constant" else [A, C]
         Y, variables = scheduled_variable(system.nx, system.ny, like, system.scheduling_names, "Y")
-        if system.nonlinearity is not None:
-            A = A + as_floats(system.F) @ jacobian(system) @ system.nonlinearity.H
         squared = cp.Variable(name="squared")
-        drift = Polynomial.constant(P) @ A - Y @ C
-        decay = drift + drift.T + Polynomial.constant(2 * self.decay_rate * P)
-        blocks = [Block("decay", decay, box, relaxation=self.relaxation), *gain_blocks(P, Y, squared, box)]
+        blocks: list[Block] = []
+        for corner in jacobian_corners(system):
+            loop = A
+            if corner.nonlinearity is not None:
+                loop = A + as_floats(system.F) @ jacobian(corner) @ corner.nonlinearity.H
+            drift = Polynomial.constant(P) @ loop - Y @ C
+            decay = drift + drift.T + Polynomial.constant(2 * self.decay_rate * P)
+            blocks.append(Block("decay", decay, error_box(corner), relaxation=self.relaxation))
+        blocks += gain_blocks(P, Y, squared, system.scheduling_box)
         return Problem({"P": P, "squared": squared, **variables}, blocks, squared), Y

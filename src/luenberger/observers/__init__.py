@@ -7,6 +7,7 @@ from luenberger.observers.interval import IntervalObserver
 from luenberger.observers.kalman import ExtendedKalmanFilter, KalmanFilter
 from luenberger.observers.monitor import Assumption, Drive, Sector, Violation, explain, monitor
 from luenberger.observers.observer import Estimate, Observer
+from luenberger.observers.two_dof import TwoDofObserver
 from luenberger.observers.unscented import UnscentedKalmanFilter
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "KalmanFilter",
     "Observer",
     "Sector",
+    "TwoDofObserver",
     "UnscentedKalmanFilter",
     "Violation",
     "explain",

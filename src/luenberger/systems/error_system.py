@@ -8,6 +8,9 @@ phi lies in one of two sets: {J H e, J in the Jacobian box}, written into A(r, J
 more parameter, or {|phi| <= g |H e|}, kept as a channel with an S-procedure multiplier. The inequality is the analysis
 condition; it says nothing of how a gain was found, so design and proof may both state it.
 
+A two-degree-of-freedom observer evaluates f at zeta = xhat + L2 (y - C xhat - D u) instead of xhat; then
+phi = f(H x, u) - f(H zeta, u), and x - zeta = (I - L2 C) e - L2 (G - D N) v stands where e stood.
+
 Where the scheduling is measured with error, or the observer copies a model other than the plant, a further input
 (x, u) or (xhat, u) drives the error; see `ErrorSystem.of`.
 """
@@ -67,6 +70,7 @@ class ErrorSystem:
         *,
         model: System | None = None,
         form: Form = "plant",
+        argument_gain: Polynomial | None = None,
     ) -> "ErrorSystem":
         """Close the loop.
 
@@ -84,12 +88,17 @@ class ErrorSystem:
             lift: arithmetic of the result.
             model: what the observer copies, with the outputs of the plant; None for the plant itself.
             form: which signal the scheduling error multiplies.
+            argument_gain: L2(r), shape (nx, ny), of an observer with two degrees of freedom; None for zero.
 
         Raises:
             BadInput: gain of the wrong shape or with parameters that are not scheduling.
             NotAccepted: unmeasured parameters in A, C or F, or a scheduling error beside a nonlinearity or a function.
         """
         _require_measured(system, gain)
+        if argument_gain is not None:
+            _require_measured(system, argument_gain)
+            if system.nonlinearity is None:
+                raise NotAccepted(f"`{system.name}` has no nonlinearity whose argument a gain could correct.")
         error = system.measured_scheduling
         if (error is not None or model is not None) and system.nonlinearity is not None:
             raise NotAccepted(
@@ -119,7 +128,18 @@ class ErrorSystem:
                 steered = at_true(system.B) - at_measured(copy.B) - L @ (at_true(system.D) - at_measured(system.D))
                 mismatch = beside(mismatch, steered, lift)
             inputs["scheduling"] = mismatch
-        F, H, gamma, A = _nonlinear_part(system, A, lift)
+        seen = lift(Polynomial.constant(np.eye(system.nx)))
+        blurred = None
+        if argument_gain is not None:
+            L2, G = lift(argument_gain), lift(system.G)
+            seen = seen - L2 @ C
+            blurred = L2 @ (G - lift(system.D) @ lift(system.N) if _is_noisy(system.N) else G)
+        F, H, gamma, A, feed = _nonlinear_part(system, A, seen, lift)
+        if blurred is not None and feed is None:
+            # |phi| <= g |H (x - zeta)| then holds noise inside the channel, which no input direction can say.
+            del inputs["noise"]
+        elif blurred is not None and feed is not None:
+            inputs["noise"] = inputs["noise"] - feed @ blurred
         rates, rate_box = scheduling_rates(system.parameters) if true or system.nr else ({}, {})
         moving = {n: lift(p).compose(true) if true else lift(p) for n, p in rates.items()}
         return ErrorSystem(A, inputs, F, H, gamma, error_box(system) | rate_box, system.dt, lift, true, moving)
@@ -248,14 +268,16 @@ def _is_noisy(N: PlantMatrix) -> bool:
 
 
 def _nonlinear_part(
-    system: System, A: Polynomial, lift: Lift
-) -> tuple[Polynomial | None, Polynomial | None, float, Polynomial]:
+    system: System, A: Polynomial, seen: Polynomial, lift: Lift
+) -> tuple[Polynomial | None, Polynomial | None, float, Polynomial, Polynomial | None]:
+    """Channel (F, H, g) or none, A with the Jacobian in it, and F J H where there is a Jacobian; x - zeta = seen e."""
     f = system.nonlinearity
     if f is None:
-        return None, None, 0.0, A
+        return None, None, 0.0, A, None
     if f.jacobian_lower is not None:
-        return None, None, 0.0, A + lift(system.F) @ jacobian(system, lift) @ lift(Polynomial.constant(f.H))
-    return lift(system.F), lift(Polynomial.constant(f.H)), f.lipschitz_bound, A
+        feed = lift(system.F) @ jacobian(system, lift) @ lift(Polynomial.constant(f.H))
+        return None, None, 0.0, A + feed @ seen, feed
+    return lift(system.F), lift(Polynomial.constant(f.H)) @ seen, f.lipschitz_bound, A, None
 
 
 def _require_measured(system: System, gain: Polynomial) -> None:

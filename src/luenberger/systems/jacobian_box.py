@@ -1,4 +1,4 @@
-"""The parameters an error system ranges over: scheduling, its error, and the varying entries of a Jacobian."""
+"""The parameters an error system ranges over: scheduling, its error, the varying entries of a Jacobian; corners of a hull."""
 
 from collections.abc import Callable
 
@@ -55,6 +55,21 @@ def jacobian(system: System, lift: Callable[[PlantMatrix], Polynomial] = as_floa
         slopes[_entry(i, j)] = np.zeros(lower.shape)
         slopes[_entry(i, j)][i, j] = 1.0
     return lift(Polynomial.affine(np.where(lower == upper, lower, 0.0), **slopes))
+
+
+def jacobian_corners(system: System) -> tuple[System, ...]:
+    """Return one plant for each vertex of the Jacobian hull, its Jacobian fixed there; the plant itself where no hull is given.
+
+    For a given storage matrix every inequality about the error is affine in the Jacobian, so it holds on the whole hull
+    exactly where it holds at all of these.
+
+    Args:
+        system: plant.
+    """
+    f = system.nonlinearity
+    if f is None or f.jacobian_vertices is None:
+        return (system,)
+    return tuple(system.replace(nonlinearity=f.at_jacobian(J)) for J in f.jacobian_vertices)
 
 
 def _entry(i: int, j: int) -> str:

@@ -1,6 +1,7 @@
 """The nonlinear part f(H x, u) of a plant with the bounds we trust on it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal
 
 import equinox as eqx
@@ -27,6 +28,9 @@ class Nonlinearity(eqx.Module):
         lipschitz: constant g with |f(z1) - f(z2)| <= g |z1 - z2| (Euclidean norms), or None.
         domain: states for which the bounds hold, (lower, upper) each (nx,), or None for all states.
         bound_status: "declared" by the user or "proved" by ball arithmetic from `function`.
+        jacobian_vertices: matrices whose convex hull contains df/dz, shape (nk, nf, nz), or None; the entrywise bounds
+            are then the box around them.
+        is_clipped: True where `function` is continued beyond the domain with slopes inside the bounds, see `clipped`.
 
     Raises:
         BadInput: no bound at all, shapes that differ, inverted or non-finite bounds.
@@ -40,6 +44,8 @@ class Nonlinearity(eqx.Module):
     lipschitz: float | None = None
     domain: tuple[np.ndarray, np.ndarray] | None = None
     bound_status: Literal["declared", "proved"] = eqx.field(static=True, default="declared")
+    jacobian_vertices: np.ndarray | None = None
+    is_clipped: bool = eqx.field(static=True, default=False)
 
     @staticmethod
     def bounded(
@@ -50,12 +56,39 @@ class Nonlinearity(eqx.Module):
         jacobian: tuple[Any, Any] | None = None,
         lipschitz: float | None = None,
         domain: tuple[Any, Any] | None = None,
+        hull: Any = None,
     ) -> "Nonlinearity":
-        """Build a nonlinearity from bounds the user vouches for; see the class for the arguments."""
+        """Build a nonlinearity from bounds the user vouches for; see the class.
+
+        Args:
+            function: JAX function of (z, u).
+            H: selection of the states that enter, shape (nz, nx).
+            size: nf.
+            jacobian: entrywise bounds (lower, upper) on df/dz, each (nf, nz).
+            lipschitz: Lipschitz constant.
+            domain: state box (lower, upper) where the bounds hold; None for all states.
+            hull: matrices, shape (nk, nf, nz), whose convex hull contains df/dz; in place of `jacobian`.
+
+        Raises:
+            BadInput: no bound at all, shapes that differ, inverted or non-finite bounds.
+        """
         H = matrix("H", H)
+        vertices = None
+        if hull is not None:
+            vertices = finite_array("hull", hull)
+            if (
+                jacobian is not None
+                or vertices.ndim != 3
+                or vertices.shape[1:] != (size, H.shape[0])
+                or not len(vertices)
+            ):
+                raise BadInput(
+                    f"`hull` has shape {vertices.shape}; it needs shape (nk, {size}, {H.shape[0]}) and stands in place of `jacobian`."
+                )
+            jacobian = vertices.min(axis=0), vertices.max(axis=0)
         if jacobian is None and lipschitz is None:
             raise BadInput(
-                "The nonlinearity has no bound: neither `jacobian` nor `lipschitz` is given. Give one, or let "
+                "The nonlinearity has no bound: neither `jacobian` nor `hull` nor `lipschitz` is given. Give one, or let "
                 "`Nonlinearity.enclosed(function, H, domain)` prove a Jacobian box over a state box."
             )
         lower = upper = None
@@ -71,7 +104,7 @@ class Nonlinearity(eqx.Module):
         if lipschitz is not None and not (np.isfinite(lipschitz) and lipschitz >= 0):
             raise BadInput(f"`lipschitz` is {lipschitz}; a finite constant >= 0 is needed.")
         box = None if domain is None else _state_box(domain, H.shape[1])
-        return Nonlinearity(function, H, size, lower, upper, lipschitz, box)
+        return Nonlinearity(function, H, size, lower, upper, lipschitz, box, jacobian_vertices=vertices)
 
     @staticmethod
     def enclosed(
@@ -99,6 +132,48 @@ class Nonlinearity(eqx.Module):
         status = "declared" if found.assumptions else "proved"
         return Nonlinearity(function, H, found.lower.shape[0], found.lower, found.upper, None, (lower, upper), status)
 
+    def at_jacobian(self, J: np.ndarray) -> "Nonlinearity":
+        """Return the nonlinearity with its Jacobian set shrunk to one matrix: a corner of an inequality, not a plant to run.
+
+        Args:
+            J: df/dz, shape (nf, nz).
+        """
+        return replace(self, jacobian_lower=J, jacobian_upper=J, jacobian_vertices=None)
+
+    def clipped(self) -> "Nonlinearity":
+        """Return f continued beyond its domain, so that an observer may leave it and only the plant must stay inside.
+
+        Outside, f(clip(z)) + K (z - clip(z)), K the middle of the Jacobian box: the same function inside, and slopes in the
+        box everywhere, since clipping only replaces columns of the Jacobian by columns of K.
+
+        Raises:
+            BadInput: no domain, no Jacobian box, a hull (columns of K may leave it), or H that mixes states.
+        """
+        f, H = self.function, np.asarray(self.H)
+        if self.domain is None or self.jacobian_lower is None or self.jacobian_upper is None:
+            raise BadInput(
+                "`clipped` needs a `domain` to clip to and a Jacobian box for the slopes outside; give both."
+            )
+        if self.jacobian_vertices is not None:
+            raise BadInput("A hull need not hold the slopes of a clipped function; use `Nonlinearity.boxed()` first.")
+        if not ((H == 0) | (H == 1)).all() or (H.sum(axis=1) != 1).any():
+            raise BadInput(
+                "`H` needs one 1 in each row, zeros elsewhere, so that clipping states clips their arguments."
+            )
+        lower, upper = H @ self.domain[0], H @ self.domain[1]
+        K = 0.5 * (self.jacobian_lower + self.jacobian_upper)
+
+        def continued(z: Any, u: Any) -> jax.Array:
+            inside = jnp.clip(z, lower.astype(z.dtype), upper.astype(z.dtype))
+            # Multiply and sum: small products of this form cost least in a scan and can be read by `algebra.jaxpr`.
+            return jnp.atleast_1d(f(inside, u)) + (K.astype(z.dtype) * (z - inside)).sum(axis=1)
+
+        return replace(self, function=continued, is_clipped=True)
+
+    def boxed(self) -> "Nonlinearity":
+        """Return the same nonlinearity with the box around its Jacobian hull in place of the hull."""
+        return replace(self, jacobian_vertices=None)
+
     def __call__(self, x: Any, u: Any) -> jax.Array:
         """Return f(H x, u), shape (nf,)."""
         return jnp.atleast_1d(self.function(jnp.asarray(self.H) @ x, u))
@@ -108,6 +183,8 @@ class Nonlinearity(eqx.Module):
         """A constant g with |f(z1) - f(z2)| <= g |z1 - z2|: the declared one, or the norm of the Jacobian box."""
         if self.lipschitz is not None:
             return float(self.lipschitz)
+        if self.jacobian_vertices is not None:
+            return max(float(np.linalg.norm(J, 2)) for J in self.jacobian_vertices)
         assert self.jacobian_lower is not None
         assert self.jacobian_upper is not None
         return float(np.linalg.norm(np.maximum(abs(self.jacobian_lower), abs(self.jacobian_upper)), 2))
