@@ -9,6 +9,7 @@ from catalogue import Row
 from luenberger.algebra import Polynomial
 from luenberger.design import Design
 from luenberger.systems.discretize import runge_kutta
+from vector_fields import copy_slope
 
 STEP = 1e-3
 
@@ -23,19 +24,16 @@ def frozen_errors(design: Design, row: Row, starts: int) -> tuple[np.ndarray, np
     system, nx = design.system, design.system.nx
     r = scheduling(design, starts)
     x0 = np.random.default_rng(1).uniform(-row.reach, row.reach, (starts, nx))
-    names = system.scheduling_names
 
     def run(x0: jax.Array, r: jax.Array) -> jax.Array:
-        L, C = jnp.asarray(design.gain(dict(zip(names, r, strict=True)))), jnp.asarray(system.at("C", r))
+        copy = copy_slope(design, r)
 
         def advance(z: jax.Array, t: jax.Array) -> tuple[jax.Array, jax.Array]:
             u = row.drive * jnp.sin(2 * jnp.pi * t) * jnp.ones(system.nu)
 
             def slope(z: jax.Array) -> jax.Array:
                 x, xhat = z[:nx], z[nx:]
-                return jnp.concatenate(
-                    [system.dynamics(t, x, u, r), system.dynamics(t, xhat, u, r) + L @ (C @ (x - xhat))]
-                )
+                return jnp.concatenate([system.dynamics(t, x, u, r), copy(t, xhat, u, x)])
 
             return runge_kutta(slope, z, STEP), z[:nx] - z[nx:]
 

@@ -7,6 +7,7 @@ import pytest
 
 from luenberger.design import Design
 from luenberger.systems.discretize import runge_kutta
+from vector_fields import copy_slope
 
 STEP = 1e-3
 
@@ -18,8 +19,7 @@ def test_disturbance_to_error(design: Design, frequency: float) -> None:
         return
     system, nx = design.system, design.system.nx
     r = np.array([np.mean(i) for i in system.scheduling_box.values()])
-    values = dict(zip(system.scheduling_names, r, strict=True))
-    L, C, E = (np.asarray(m) for m in (design.gain(values), system.at("C", r), system.at("E", r)))
+    copy, E = copy_slope(design, jnp.asarray(r)), np.asarray(system.at("E", r))
     weight = np.asarray(claims[0].weight)
     direction = np.linalg.svd(E)[2][0]
     rest = jnp.zeros(system.nu)
@@ -30,8 +30,9 @@ def test_disturbance_to_error(design: Design, frequency: float) -> None:
         def slope(z: jax.Array) -> jax.Array:
             x, xhat = z[:nx], z[nx : 2 * nx]
             dx = system.dynamics(t, x, rest, r) + E @ d
-            dxhat = system.dynamics(t, xhat, rest, r) + L @ (C @ (x - xhat))
-            return jnp.concatenate([dx, dxhat, jnp.array([jnp.sum((weight @ (x - xhat)) ** 2), d @ d])])
+            return jnp.concatenate(
+                [dx, copy(t, xhat, rest, x), jnp.array([jnp.sum((weight @ (x - xhat)) ** 2), d @ d])]
+            )
 
         return runge_kutta(slope, z, STEP), None
 
