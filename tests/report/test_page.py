@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from catalogue import robot
+from luenberger.algebra import Polynomial
 from luenberger.core import BadInput
 from luenberger.design import Design
 from luenberger.methods import StructuredLipschitz
@@ -153,3 +155,10 @@ def test_write_names_a_folder_that_cannot_be(tmp_path: Path) -> None:
     page = Page("T", "S", [], {}, Table(["entrant"], [["a"]]), [])
     with pytest.raises(BadInput, match="cannot be written"):
         page.write(tmp_path / "file/page.html")
+
+
+def test_both_gains_of_two_degrees_of_freedom_are_shown(design: Design) -> None:
+    second = replace(design, argument_gain=Polynomial.constant(np.full((4, 2), 0.123456)))
+    read = Reader(Page("t", "s", [], {"one": design, "two": second}, Table(["a"], [[1]]), (), (), {}).as_html())
+    assert read.text.count("Its gain in the argument of f") == 1
+    assert read.text.count("0.123456") == 8

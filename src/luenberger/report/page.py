@@ -139,7 +139,11 @@ def _certified(name: str, design: Design, colour: str | None) -> dict[str, Any]:
         "whole": design.certificate.outcome is Outcome.PROVED,
         "proofs": proofs,
         "assumptions": design.certificate.assumptions,
-        "gain": Markup(gain_table(design.gain, design.system).as_html()),
+        "gains": [
+            (heading, Markup(gain_table(gain, design.system).as_html()))
+            for heading, gain in (("Its gain", design.gain), ("Its gain in the argument of f", design.argument_gain))
+            if gain is not None
+        ],
     }
 
 
