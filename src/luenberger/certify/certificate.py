@@ -12,6 +12,7 @@ from luenberger.certify.claim import ENCLOSURE_KINDS, Claim
 from luenberger.certify.continuum import Verdict
 from luenberger.certify.enclosure import enclosure_verdict
 from luenberger.certify.inequality import claim_verdict
+from luenberger.certify.validity import domain_verdict
 from luenberger.certify.rational_text import from_text, to_text
 from luenberger.core import Outcome
 from luenberger.systems import Parameter, System
@@ -195,6 +196,8 @@ def prove(
         return Proof(claim, Outcome.REFUTED, 0.0, {}, 0, refusal)
     if claim.kind in ENCLOSURE_KINDS:
         failed, verdict = enclosure_verdict(system, gain, claim)
+    elif claim.kind == "domain":
+        failed, verdict = domain_verdict(system, gain, claim, argument_gain)
     else:
         failed, verdict = claim_verdict(system, gain, claim, model, argument_gain=argument_gain)
     reason = _reason(claim, failed, verdict)
@@ -248,7 +251,8 @@ def assumptions(system: System, claims: Sequence[Claim] = ()) -> tuple[str, ...]
         lines.append(f"The nonlinearity has Lipschitz constant {f.lipschitz_bound:.6g} (declared by the user).")
     if f is not None and f.domain is not None:
         who = "The state stays" if f.is_clipped else "State and estimate stay"
-        lines.append(f"{who} in the box {_box_text(*f.domain)}.")
+        proved = "; for errors in the proved set the estimate does while the state keeps the stated distances"
+        lines.append(f"{who} in the box {_box_text(*f.domain)}{proved * any(c.kind == 'domain' for c in claims)}.")
     return tuple(lines)
 
 
