@@ -9,6 +9,12 @@ from luenberger.observers.monitor import Assumption, Drive, Sector, Violation, e
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.two_dof import TwoDofObserver
 from luenberger.observers.unscented import UnscentedKalmanFilter
+from luenberger.observers.zonotopic import (
+    ZonotopicFilter,
+    ZonotopicKalmanFilter,
+    ZonotopicLuenberger,
+    ZonotopicObserver,
+)
 
 __all__ = [
     "AlgebraicEstimate",
@@ -25,6 +31,10 @@ __all__ = [
     "TwoDofObserver",
     "UnscentedKalmanFilter",
     "Violation",
+    "ZonotopicFilter",
+    "ZonotopicKalmanFilter",
+    "ZonotopicLuenberger",
+    "ZonotopicObserver",
     "explain",
     "monitor",
     "substeps_needed",
