@@ -12,8 +12,8 @@ from luenberger.certify.claim import ENCLOSURE_KINDS, Claim
 from luenberger.certify.continuum import Verdict
 from luenberger.certify.enclosure import enclosure_verdict
 from luenberger.certify.inequality import claim_verdict
-from luenberger.certify.validity import domain_verdict
 from luenberger.certify.rational_text import from_text, to_text
+from luenberger.certify.validity import domain_verdict
 from luenberger.core import Outcome
 from luenberger.systems import Parameter, System
 

@@ -16,7 +16,7 @@ import numpy as np
 from flint import fmpq
 
 from luenberger.algebra import Polynomial, symmetric
-from luenberger.algebra.definiteness import exact
+from luenberger.algebra.definiteness import exact, positive_definite
 from luenberger.certify.claim import Claim
 from luenberger.certify.continuum import Verdict, negative_definite
 from luenberger.certify.inequality import claim_verdict, exact_lift
@@ -71,13 +71,13 @@ def _conditions(
     if m is None or m.shape != (system.nx,):
         given = None if m is None else m.shape
         raise BadInput(f"`state_bound` has shape {given}; a domain claim needs shape ({system.nx},).")
+    yield "storage", _decided(positive_definite(exact(P)) is Outcome.PROVED)
     read = [int(k) for k in np.flatnonzero(np.any(np.asarray(f.H) != 0, axis=0))]
     kept, c = exact(m), exact(np.array([claim.level]))[0]
     lower, upper = exact(f.domain[0]), exact(f.domain[1])
     for k in read:
         # A distance above half the width would leave the plant no room, and the claim no content.
-        fits = kept[k] > 0 and 2 * kept[k] <= upper[k] - lower[k]
-        yield f"room of {system.states[k]}", Verdict(Outcome.PROVED if fits else Outcome.REFUTED, np.inf, {}, 0)
+        yield f"room of {system.states[k]}", _decided(kept[k] > 0 and 2 * kept[k] <= upper[k] - lower[k])
     box = dict(system.scheduling_box)
     for what, rows in _rows(system, argument_gain).items():
         for k in read:
@@ -86,6 +86,10 @@ def _conditions(
     falling = Claim("decay", 0.0 if system.dt is None else 1.0, P, claim.multiplier)
     failed, verdict = claim_verdict(system, gain, falling, argument_gain=argument_gain)
     yield failed or "decay", verdict
+
+
+def _decided(holds: bool) -> Verdict:
+    return Verdict(Outcome.PROVED if holds else Outcome.REFUTED, 0.0, {}, 0)
 
 
 def _rows(system: System, argument_gain: Polynomial | None) -> dict[str, Polynomial]:
