@@ -52,6 +52,13 @@ def domain_claim(design: Design) -> tuple[Claim, np.ndarray]:
 DESIGNS = {"one gain": (GAIN, None), "two gains": (TWO_GAIN, ARGUMENT_GAIN)}
 
 
+def test_an_argument_gain_frees_the_estimate_from_the_domain() -> None:
+    # f sees the measured x1 and x2 - (e2 - 1.5 e1): errors along (1, 1.5) never reach it.
+    design = domain_of_validity(design_of(TWO_GAIN, ARGUMENT_GAIN), OPERATING)
+    assert admits(design, [[4.0, 6.0], [-4.0, -6.0]]).all()
+    assert not admits(design, [4.0, -6.0])
+
+
 @pytest.mark.parametrize("name", DESIGNS)
 def test_the_level_is_proved_and_a_larger_one_refuted(name: str) -> None:
     design = domain_of_validity(design_of(*DESIGNS[name]), OPERATING)
@@ -62,13 +69,13 @@ def test_the_level_is_proved_and_a_larger_one_refuted(name: str) -> None:
     spoiled = replace(claim, level=1.5 * claim.level)
     proof = prove(design.system, design.gain, spoiled, argument_gain=design.argument_gain)
     assert proof.outcome is Outcome.REFUTED
-    assert "`estimate x2` of `domain`" in proof.reason
+    assert "`argument x2` of `domain`" in proof.reason
     far = replace(claim, state_bound=0.9 * np.asarray(claim.state_bound))
     assert prove(design.system, design.gain, far, argument_gain=design.argument_gain).outcome is Outcome.REFUTED
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_errors_from_the_boundary_stay_in_the_set_and_the_estimate_in_the_domain(name: str) -> None:
+def test_errors_from_the_boundary_stay_in_the_set_and_the_argument_in_the_domain(name: str) -> None:
     design = domain_of_validity(design_of(*DESIGNS[name]), OPERATING)
     claim, P = domain_claim(design)
     L2 = DESIGNS[name][1]
@@ -76,7 +83,6 @@ def test_errors_from_the_boundary_stay_in_the_set_and_the_estimate_in_the_domain
     e0 = on_the_boundary(P, claim.level, 100)
     x, xhat, zeta = motions(design.system, DESIGNS[name][0], L2, on_the_limit_cycle(100), e0, 0.002, 10_000)
     assert np.all(np.abs(x) < OPERATING[1])
-    assert np.all(np.abs(xhat) < 5.0)
     assert np.all(np.abs(zeta) < 5.0)
     V = np.einsum("nti,ij,ntj->nt", x - xhat, P, x - xhat)
     # Rates up to 30 1/s at 2 ms: Runge-Kutta follows to 1e-8 of V a step; squares of rounding errors stay at the floor.
@@ -173,7 +179,6 @@ def test_the_running_observer_starts_from_the_set() -> None:
         return jax.lax.scan(lambda s, y: observer.step(s, none, y, none), observer.init(start), x[:, :1])[1].x
 
     estimates = np.asarray(jax.vmap(run)(jnp.asarray(x0 - e0), jnp.asarray(truth)))
-    assert np.all(np.abs(estimates) < 5.0)
     # exp(-0.5 t) leaves 0.7 % after 10 s; y held for 2 ms at up to 2.7 1/s adds 0.005, times gains of 2.
     assert np.all(np.abs(estimates - truth)[:, -1] < 0.02 * np.abs(e0).max(axis=1, keepdims=True) + 0.01)
 

@@ -21,13 +21,14 @@ def domain_of_validity(design: Design, operating: tuple[Any, Any], *, objective:
     """Return the design with one more claim: a set of initial errors that never lead the observer out of the domain of f.
 
     A Jacobian bound that holds on a box of states proves a decay only while plant and observer stay in that box. Trust the
-    plant to stay in a smaller one, and this finds the largest ellipsoid of errors that keeps the observer inside too, so
-    that nothing has to be assumed of the estimate any more. Choose it after a design for a plant whose nonlinearity is
+    plant to stay in a smaller one, and this finds the largest ellipsoid of errors that keeps the argument of f inside too,
+    so that nothing has to be assumed of the observer any more. Choose it after a design for a plant whose nonlinearity is
     bounded on a domain. Where the ellipsoid is too small, `Nonlinearity.clipped` needs none, at the price of an observer
     that runs the continued f; where the operating box lies close to the domain, enlarge the domain or trust less.
 
     Assumes: dx = A x + B u + F f(H x, u) with df/dz bounded on a box, no disturbance and no noise.
-    Certifies: e' P e <= c  =>  xhat and the argument of f stay in the domain, e' P e falls, and e goes to zero.
+    Certifies: e' P e <= c  =>  the argument of f (xhat, or zeta with an argument gain) stays in the domain, e' P e falls,
+        and e goes to zero.
 
     Args:
         design: what `synthesize` returned.

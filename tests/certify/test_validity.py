@@ -31,12 +31,12 @@ def test_level_sets_are_proved_up_to_the_face_and_refuted_beyond() -> None:
     # he(-2 I + J) <= -2 I, less one percent; the strips that are touched do not count.
     assert 1.97 <= verdict.margin <= 2.0
     failed, verdict = domain_verdict(PLANT, ZERO, claim(0.25))
-    assert (failed, verdict.outcome) == ("estimate x1", Outcome.REFUTED)
+    assert (failed, verdict.outcome) == ("argument x1", Outcome.REFUTED)
     # A tilted ellipse touches at sqrt(h P^-1 h'), not at its semi-axes.
     P = np.array([[2.0, 1.0], [1.0, 1.0]])
     touching = min(KEPT**2 / np.diag(np.linalg.inv(P)))
     assert domain_verdict(PLANT, ZERO, claim(touching * (1 - 1e-9), P))[1].outcome is Outcome.PROVED
-    assert domain_verdict(PLANT, ZERO, claim(touching * (1 + 1e-9), P))[0] == "estimate x1"
+    assert domain_verdict(PLANT, ZERO, claim(touching * (1 + 1e-9), P))[0] == "argument x1"
 
 
 def test_the_same_storage_must_fall() -> None:

@@ -130,8 +130,8 @@ def test_states_that_f_does_not_read_do_not_make_it_unbounded() -> None:
     half = System.nonlinear(-2 * np.eye(2), None, [[1.0, 0.0]], F=[[1.0], [0.0]], nonlinearity=f)
     found = validity_storage(half, ZERO, np.array([0.5, 0.0]))
     assert proved(half, found, np.array([0.5, 0.0]))
-    # The search holds the free state within the half width of the domain.
-    np.testing.assert_allclose(semi_axes(found), [0.5, 2.0], rtol=0.05)
+    # The search holds the free state within the width of the domain.
+    np.testing.assert_allclose(semi_axes(found), [0.5, 4.0], rtol=0.05)
 
 
 def test_an_error_that_grows_has_no_set() -> None:

@@ -236,6 +236,8 @@ def assumptions(system: System, claims: Sequence[Claim] = ()) -> tuple[str, ...]
             lines.append(
                 f"Where a claim speaks of bounds, each {what} stays within {[float(f'{b:.6g}') for b in bound]}."
             )
+    if any(c.kind == "domain" for c in claims):
+        lines.append("The claim about the domain is made without disturbance and noise.")
     f = system.nonlinearity
     if f is not None and f.jacobian_lower is not None and f.jacobian_upper is not None:
         how = (
@@ -251,7 +253,7 @@ def assumptions(system: System, claims: Sequence[Claim] = ()) -> tuple[str, ...]
         lines.append(f"The nonlinearity has Lipschitz constant {f.lipschitz_bound:.6g} (declared by the user).")
     if f is not None and f.domain is not None:
         who = "The state stays" if f.is_clipped else "State and estimate stay"
-        proved = "; for errors in the proved set the estimate does while the state keeps the stated distances"
+        proved = "; for errors in the proved set what enters f does while the state keeps the stated distances"
         lines.append(f"{who} in the box {_box_text(*f.domain)}{proved * any(c.kind == 'domain' for c in claims)}.")
     return tuple(lines)
 

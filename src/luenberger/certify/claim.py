@@ -45,7 +45,7 @@ class Claim:
     * gain_bound: |L(r)|_2 <= level, L what multiplies the output error in the derivative of the estimate.
     * argument_gain_bound: |L2(r)|_2 <= level, L2 what multiplies it in the argument of f.
     * domain: while the state keeps `state_bound` away from the faces of the domain of f, errors with e' P e <= level keep
-      the estimate and the argument of f inside the domain, stay in that set, and go to zero.
+      the argument of f (the estimate, or zeta with an argument gain) inside the domain, stay in that set, and go to zero.
     * cooperative: all entries of T (A(r,q) - L(r) C(r)) T^-1 off the diagonal are >= 0, so that order is kept.
     * width_decay, width_gain: as decay and l2_gain, for the width of the enclosure that an interval observer draws.
     * width: once every width |T x| is below `vector` it stays there, inside the stated bounds.
@@ -144,7 +144,7 @@ class Claim:
         kept = ", ".join(f"{m:.4g}" for m in np.asarray(self.state_bound))
         return (
             f"While the state keeps ({kept}) away from the faces of the domain of f, errors in e' P e <= {self.level:.6g} "
-            f"(semi-axes {axes.min():.4g} to {axes.max():.4g}) keep the estimate inside the domain and go to zero."
+            f"(semi-axes {axes.min():.4g} to {axes.max():.4g}) keep the argument of f inside the domain and go to zero."
         )
 
     def as_text(self) -> dict[str, Any]:

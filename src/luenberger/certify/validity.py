@@ -1,13 +1,12 @@
 """The set of errors from which a bound on f that holds on a domain may be used, proved in exact rationals.
 
 The Jacobian bound of f holds on a box of states. Let the plant keep the distance m_k from both faces of state k. With
-e = x - xhat the estimate is x - e, and the argument of f in an observer with two degrees of freedom is x - (I - L2 C) e,
-as long as no noise enters. So both lie in the box where |e_k| < m_k and |((I - L2 C) e)_k| < m_k. If every e with
-e' P e <= c meets this, then, the box being convex, the mean value theorem puts the Jacobian between state and argument
-inside its bounds, V = e' P e falls, the error stays in the set, and the argument began the next instant in the box again:
-the assumption on the estimate has become a conclusion.
+e = x - xhat the observer takes f at x - e, or, with two degrees of freedom, at x - (I - L2 C) e, as long as no noise
+enters. That argument lies in the box where |((I - L2 C) e)_k| < m_k. If every e with e' P e <= c meets this, then, the box
+being convex, the mean value theorem puts the Jacobian between state and argument inside its bounds, V = e' P e falls, the
+error stays in the set, and the argument is in the box at the next instant too: what was assumed of it is now concluded.
 
-Only states that f reads matter: others may leave the box without f taking notice.
+Where L2 is not zero the estimate itself may leave the box, and so may states that f does not read: f takes no notice.
 """
 
 from collections.abc import Iterator
@@ -29,7 +28,7 @@ def domain_verdict(
 ) -> tuple[str, Verdict]:
     """Decide a domain claim from plant, gains and witnesses.
 
-    Proved where, for each state k that f reads, with h_k(r) the k-th rows of I and of I - L2(r) C(r),
+    Proved where, for each state k that f reads, with h_k(r) the k-th row of I - L2(r) C(r),
 
         [[P, h_k'], [h_k, m_k^2 / c]] > 0  on the whole scheduling box,  i.e.  c h_k P^-1 h_k' < m_k^2,
 
@@ -79,10 +78,9 @@ def _conditions(
         # A distance above half the width would leave the plant no room, and the claim no content.
         yield f"room of {system.states[k]}", _decided(kept[k] > 0 and 2 * kept[k] <= upper[k] - lower[k])
     box = dict(system.scheduling_box)
-    for what, rows in _rows(system, argument_gain).items():
-        for k in read:
-            square = kept[k] * kept[k] / c
-            yield f"{what} {system.states[k]}", _inside(P, rows, k, square, box)
+    rows = _rows(system, argument_gain)
+    for k in read:
+        yield f"argument {system.states[k]}", _inside(P, rows, k, kept[k] * kept[k] / c, box)
     falling = Claim("decay", 0.0 if system.dt is None else 1.0, P, claim.multiplier)
     failed, verdict = claim_verdict(system, gain, falling, argument_gain=argument_gain)
     yield failed or "decay", verdict
@@ -92,16 +90,16 @@ def _decided(holds: bool) -> Verdict:
     return Verdict(Outcome.PROVED if holds else Outcome.REFUTED, 0.0, {}, 0)
 
 
-def _rows(system: System, argument_gain: Polynomial | None) -> dict[str, Polynomial]:
-    """What takes e to the distance of the estimate, and of the argument of f, from the state."""
+def _rows(system: System, argument_gain: Polynomial | None) -> Polynomial:
+    """What takes e to the distance of the argument of f from the state: I - L2 C."""
     one = Polynomial.constant(exact(np.eye(system.nx)))
     if argument_gain is None:
-        return {"estimate": one}
+        return one
     if not isinstance(system.C, Polynomial):
         raise NotAccepted(
             f"`C` of `{system.name}` is a function; a domain claim with an argument gain needs a polynomial."
         )
-    return {"estimate": one, "argument": one - exact_lift(argument_gain) @ exact_lift(system.C)}
+    return one - exact_lift(argument_gain) @ exact_lift(system.C)
 
 
 def _inside(P: np.ndarray, rows: Polynomial, k: int, square: fmpq, box: dict[str, tuple[float, float]]) -> Verdict:

@@ -1,4 +1,4 @@
-"""The largest ellipsoid of errors that keeps estimate and argument of f inside the domain of f, for gains already fixed."""
+"""The largest ellipsoid of errors that keeps the argument of f inside the domain of f, for gains already fixed."""
 
 from typing import Any, Literal
 
@@ -40,8 +40,8 @@ def validity_storage(
     Args:
         system: plant whose nonlinearity has a domain.
         gain: L(r), fixed.
-        state_bound: bound m of |e_k| and |((I - L2 C) e)_k|, shape (nx,), in the units of the states; zero where f does not
-            read state k, which the search alone then keeps within the half width of the domain.
+        state_bound: bound m of |((I - L2 C) e)_k|, shape (nx,), in the units of the states; zero where f does not read
+            state k. The search, not the claim, also keeps every |e_k| within the width of the domain.
         argument_gain: L2(r) of an observer with two degrees of freedom; None for zero.
         objective: "volume" maximises det Q, "ball" the largest ball inside, in units of `state_bound`.
         back_off: share of the semi-axes given away (of their geometric mean for "volume"), below one.
@@ -58,27 +58,28 @@ def validity_storage(
         raise BadInput(f"`{system.name}` has no nonlinearity with a `domain`; there is nothing to stay inside of.")
     bound = np.asarray(state_bound, dtype=float)
     # In these units every strip is |h e| <= 1, so the entries of Q compare.
-    half = 0.5 * (f.domain[1] - f.domain[0])
-    scale = np.where(bound > 0, bound, np.where(half > 0, half, 1.0))
+    width = f.domain[1] - f.domain[0]
+    scale = np.where(bound > 0, bound, np.where(width > 0, width, 1.0))
     Q, t, slack = cp.Variable((system.nx, system.nx), symmetric=True), cp.Variable(nonneg=True), cp.Variable()
     size, shape = _volume(Q) if objective == "volume" and system.nx > 1 else (cp.lambda_min(Q), [])
     errors = [ErrorSystem.of(corner, gain, argument_gain=argument_gain) for corner in jacobian_corners(system)]
     rows = _rows(system, bound, argument_gain)
-    free = [row for k, row in enumerate(np.eye(system.nx)) if not bound[k] > 0]
-    strips = [cp.quad_form(row * scale, Q) <= 1.0 for row in [*(h / m for h, m in rows), *(h / scale for h in free)]]
+    # Directions that never reach f have no strip of their own; without the width of the domain the set could be endless.
+    wide = [(row, w) for row, w in zip(np.eye(system.nx), np.maximum(scale, width), strict=True)]
+    strips = [cp.quad_form(h * scale / m, Q) <= 1.0 for h, m in [*rows, *wide]]
     known = {"Q": Q, "t": t}
     best = solve(Problem(known, _falls(errors, Q, t, scale), -size), extra=[*strips, *shape])
     if best is None:
         return None
     least = -best.objective * (1.0 - back_off) ** 2
     loose = Problem({**known, "slack": slack}, _falls(errors, Q, t, scale, slack), slack)
-    wide = solve(loose, extra=[*strips, *shape, size >= least])
-    if wide is None or not wide.values["slack"] < 0:
+    found = solve(loose, extra=[*strips, *shape, size >= least])
+    if found is None or not found.values["slack"] < 0:
         return None
-    P = rounded_storage(np.linalg.inv(wide.values["Q"] * np.outer(scale, scale)))
+    P = rounded_storage(np.linalg.inv(found.values["Q"] * np.outer(scale, scale)))
     # A millionth below the touching level: the strips are open, and P was rounded.
-    level = (1.0 - 1e-6) / max(float(h @ np.linalg.solve(P, h)) / m**2 for h, m in rows)
-    multiplier = 0.0 if errors[0].F is None else 1.0 / float(wide.values["t"])
+    level = (1.0 - 1e-6) / max((float(h @ np.linalg.solve(P, h)) / m**2 for h, m in rows), default=1.0)
+    multiplier = 0.0 if errors[0].F is None else 1.0 / float(found.values["t"])
     return P, level, multiplier
 
 
@@ -90,11 +91,10 @@ def _volume(Q: Any) -> tuple[Any, list[Any]]:
 
 def _rows(system: System, bound: np.ndarray, argument_gain: Polynomial | None) -> list[tuple[np.ndarray, float]]:
     """(h, m) of all strips |h e| <= m; a strip of h(r) holds where it holds for the Bernstein coefficients of h."""
-    one = np.eye(system.nx)
-    matrices = [one]
+    seen = Polynomial.constant(np.eye(system.nx))
     if argument_gain is not None:
-        seen = Polynomial.constant(one) - argument_gain @ as_floats(system.C)
-        matrices += [np.asarray(c) for c in Bernstein().matrices(seen, system.scheduling_box)]
+        seen = seen - argument_gain @ as_floats(system.C)
+    matrices = [np.asarray(c) for c in Bernstein().matrices(seen, system.scheduling_box)]
     return [(M[k], float(bound[k])) for M in matrices for k in np.flatnonzero(bound > 0) if np.any(M[k])]
 
 
