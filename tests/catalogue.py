@@ -8,7 +8,10 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.experiment.published.flexible_joint import TRANSFORM, flexible_joint, gravity
+from luenberger.experiment.published.van_der_pol import tangent_polygon, van_der_pol
 from luenberger.methods import (
+    ExtendedLuenberger,
+    FullBlockLuenberger,
     IntervalLuenberger,
     IntervalWidth,
     KalmanGain,
@@ -17,8 +20,10 @@ from luenberger.methods import (
     LipschitzRiccati,
     Method,
     PolytopicLuenberger,
+    PrintedTwoDof,
     RobustLuenberger,
     StructuredLipschitz,
+    TwoDofLuenberger,
     UnstructuredObserver,
 )
 from luenberger.systems import Nonlinearity, Parameter, System
@@ -110,10 +115,11 @@ def hidden_oscillator(rate: float | None = 0.2) -> System:
     return System.lpv(A, C=[[1.0, 0.0, 0.0]], parameters=[Parameter("stiffness", 1.0, 9.0, rate=rate)])
 
 
-def saturating_car() -> System:
+def saturating_car(disturbance: bool = False) -> System:
     """Slip angles of the Ferrari with brush tyres, up to 0.1 rad, at 58 to 223 km/h."""
     car = ferrari_250lm.with_values(front_stiffness=73e3, rear_stiffness=115e3, friction=1.25)
-    return slip_angle_plant(car, (16.0, 62.0), (-12.0, 8.0), tyres=brush_tyres(car), slip_limit=0.1)
+    tyres = brush_tyres(car)
+    return slip_angle_plant(car, (16.0, 62.0), (-12.0, 8.0), tyres=tyres, slip_limit=0.1, disturbance=disturbance)
 
 
 HALF = {"initial_half_width": (0.1, 0.1)}
@@ -137,5 +143,28 @@ ROWS = (
     Row("interval, residual", uncertain_car, IntervalLuenberger(), reach=0.1, options=HALF),
     Row("unstructured L2", sloping_car, UnstructuredObserver("l2"), reach=0.1),
     Row("interval, width", uncertain_car, IntervalWidth([0.05, 0.05], gain_limit=40.0), reach=0.1, options=HALF),
+    Row(
+        "extended, hull of the Jacobian",
+        lambda: van_der_pol(5.0, hull=tangent_polygon(5.0, 16)),
+        ExtendedLuenberger(decay_rate=0.5),
+    ),
+    Row(
+        "extended L2, brush tyres",
+        lambda: saturating_car(disturbance=True),
+        ExtendedLuenberger(goal="l2", gain_limit=60.0),
+        reach=0.01,
+        drive=0.0,
+    ),
+    Row("extended, argument gain given", lambda: van_der_pol(2.0), ExtendedLuenberger(argument_gain=((1.0,), (1.5,)))),
+    Row("full block", lambda: robot("jacobian"), FullBlockLuenberger(decay_rate=1.0)),
+    Row("two-DOF, Van der Pol", lambda: van_der_pol(5.0), TwoDofLuenberger(decay_rate=0.5)),
+    Row(
+        "two-DOF L2, brush tyres",
+        lambda: saturating_car(disturbance=True),
+        TwoDofLuenberger(goal="l2", gain_limit=60.0),
+        reach=0.01,
+        drive=0.0,
+    ),
+    Row("two-DOF as printed", lambda: saturating_car(disturbance=True), PrintedTwoDof("l2"), reach=0.01, drive=0.0),
     Row("interval, mismatch", uncertain_car, IntervalLuenberger("mismatch", noise=True), reach=0.1, options=HALF),
 )

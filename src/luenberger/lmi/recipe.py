@@ -40,7 +40,8 @@ def centre(
         extra.append(problem.objective <= best.objective + back_off * max(abs(best.objective), floor))
     wide = solve(replace(problem, objective=t), slack=t, extra=extra, solvers=solvers)
     if wide is None or not wide.margin > 0:
-        return None
+        # The optimum itself may lie strictly inside where the wider problem defeats the solvers.
+        return best if best.margin > 0 else None
     value = 0.0 if problem.objective is None else float(problem.objective.value)
     return replace(
         wide,

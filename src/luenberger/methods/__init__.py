@@ -1,5 +1,7 @@
 """One published design per file."""
 
+from luenberger.methods.extended_luenberger import ExtendedLuenberger
+from luenberger.methods.full_block import FullBlockLuenberger
 from luenberger.methods.interval import IntervalLuenberger
 from luenberger.methods.interval_width import IntervalWidth
 from luenberger.methods.kalman_gain import KalmanGain
@@ -12,9 +14,11 @@ from luenberger.methods.lipschitz_pareto import LipschitzPareto
 from luenberger.methods.lipschitz_riccati import LipschitzRiccati
 from luenberger.methods.method import Candidate, Method
 from luenberger.methods.polytopic import PolytopicLuenberger
+from luenberger.methods.printed_two_dof import PrintedTwoDof
 from luenberger.methods.robust_bound import gamma_star
 from luenberger.methods.robust_luenberger import RobustLuenberger
 from luenberger.methods.structured_lipschitz import StructuredLipschitz
+from luenberger.methods.two_dof import TwoDofLuenberger
 from luenberger.methods.unstructured import UnstructuredObserver
 
 METHODS: dict[str, type[Method]] = {
@@ -30,6 +34,10 @@ METHODS: dict[str, type[Method]] = {
         UnstructuredObserver,
         IntervalLuenberger,
         IntervalWidth,
+        ExtendedLuenberger,
+        TwoDofLuenberger,
+        FullBlockLuenberger,
+        PrintedTwoDof,
     )
 }
 
@@ -38,6 +46,8 @@ __all__ = [
     "AlgorithmReport",
     "Candidate",
     "EpsilonBracket",
+    "ExtendedLuenberger",
+    "FullBlockLuenberger",
     "IntervalLuenberger",
     "IntervalWidth",
     "KalmanGain",
@@ -48,8 +58,10 @@ __all__ = [
     "MarginTable",
     "Method",
     "PolytopicLuenberger",
+    "PrintedTwoDof",
     "RobustLuenberger",
     "StructuredLipschitz",
+    "TwoDofLuenberger",
     "UnstructuredObserver",
     "disturbance_bound",
     "disturbance_gain",

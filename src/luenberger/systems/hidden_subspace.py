@@ -128,12 +128,15 @@ def points(system: System, linear_part: bool) -> Iterator[Point]:
     f = None if linear_part else system.nonlinearity
     boxed = f is not None and f.jacobian_lower is not None
     box = error_box(system) if boxed else system.scheduling_box
+    names, known = system.scheduling_names, dict(system.uncertainty)
+    matrices = [getattr(system, letter) for letter in "ACEF"]
+    slope = jacobian(system) if boxed else None
     for values in _corners({name: ends for name, ends in box.items() if ends[0] < ends[1]}):
         full = {name: values.get(name, ends[0]) for name, ends in box.items()}
-        r = [full[name] for name in system.scheduling_names]
-        A, C, E = (np.asarray(system.at(letter, r), dtype=float) for letter in "ACE")
-        if f is not None and boxed:
-            A = A + np.asarray(system.at("F", r)) @ jacobian(system)(full) @ f.H
+        where = {name: full[name] for name in names} | known
+        A, C, E, F = (np.asarray(M(where), dtype=float) for M in matrices)
+        if f is not None and slope is not None:
+            A = A + F @ np.asarray(slope(full)) @ np.asarray(f.H)
         yield values, A, C, E
 
 
