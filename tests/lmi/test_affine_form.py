@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from luenberger.core import BadInput
-from luenberger.lmi.affine_form import stacked
+from luenberger.lmi.affine_form import Memo, stacked
 
 generator = np.random.default_rng(1)
 M = generator.normal(size=(3, 3))
@@ -36,7 +36,7 @@ def test_equals_cvxpy(name: str) -> None:
     K = stacked(expression, [P, Y, s, v], {})
     half = generator.normal(size=(3, 3))
     P.value, Y.value, s.value, v.value = half + half.T, generator.normal(size=(3, 2)), 0.7, generator.normal(size=4)
-    x = np.concatenate([np.ravel(w.value, order="F") for w in (P, Y, s, v)] + [np.ones(1)])
+    x = np.concatenate([np.ravel(np.asarray(w.value), order="F") for w in (P, Y, s, v)] + [np.ones(1)])
     # A handful of products of numbers of size one.
     np.testing.assert_allclose(K @ x, np.reshape(expression.value, -1), atol=1e-13)
 
@@ -56,3 +56,11 @@ def test_the_trace_of_a_single_number_has_a_form() -> None:
     Z = cp.Variable((1, 1), symmetric=True)
     K = stacked(cp.reshape(cp.trace(Z), (1, 1), order="F"), [Z], {})
     np.testing.assert_array_equal(K @ np.array([3.0, 1.0]), [3.0])
+
+
+def test_identities_of_passing_expressions_are_not_mixed_up() -> None:
+    # An expression that nobody keeps gives its place in memory, and so its identity, to the next one.
+    x = cp.Variable(name="x")
+    memo: Memo = {}
+    for k in range(200):
+        np.testing.assert_allclose(stacked(k * x + 1.0, [x], memo), [[k, 1.0]])

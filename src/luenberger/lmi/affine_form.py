@@ -12,15 +12,19 @@ import cvxpy as cp
 import numpy as np
 from cvxpy.atoms.affine.add_expr import AddExpression
 from cvxpy.atoms.affine.binary_operators import MulExpression, multiply
+from cvxpy.atoms.affine.reshape import reshape
+from cvxpy.atoms.affine.trace import Trace
 from cvxpy.atoms.affine.transpose import transpose
 from cvxpy.atoms.affine.unary_operators import NegExpression
 
 from luenberger.core import BadInput
 
 Form = tuple[np.ndarray, dict[int, np.ndarray]]  # constant (n, m); variable id -> (size, n, m)
+# The expression stands beside its form: one that is gone gives its identity to the next.
+Memo = dict[int, tuple[Any, Form]]
 
 
-def stacked(expression: Any, variables: Sequence[cp.Variable], memo: dict[int, Form]) -> np.ndarray:
+def stacked(expression: Any, variables: Sequence[cp.Variable], memo: Memo) -> np.ndarray:
     """Return K with  vec(expression) = K @ [x; 1],  rows in C order, x the variables' entries (Fortran order) stacked.
 
     Args:
@@ -41,15 +45,15 @@ def stacked(expression: Any, variables: Sequence[cp.Variable], memo: dict[int, F
     return np.hstack([*columns, constant.reshape(size, 1)])
 
 
-def _form(expression: Any, memo: dict[int, Form]) -> Form:
+def _form(expression: Any, memo: Memo) -> Form:
     if not isinstance(expression, cp.Expression):
         return np.atleast_2d(np.asarray(expression, dtype=float)), {}
     if id(expression) not in memo:
-        memo[id(expression)] = _walk(expression, memo)
-    return memo[id(expression)]
+        memo[id(expression)] = (expression, _walk(expression, memo))
+    return memo[id(expression)][1]
 
 
-def _walk(expression: Any, memo: dict[int, Form]) -> Form:
+def _walk(expression: Any, memo: Memo) -> Form:
     shape = _two(expression.shape)
     if isinstance(expression, cp.Variable):
         basis = np.eye(expression.size).reshape(expression.size, *reversed(shape)).transpose(0, 2, 1)
@@ -68,6 +72,11 @@ def _walk(expression: Any, memo: dict[int, Form]) -> Form:
         return _apply(_form(expression.args[0], memo), lambda a: -a)
     if isinstance(expression, transpose) and len(expression.shape) == 2:
         return _apply(_form(expression.args[0], memo), lambda a: np.swapaxes(a, -1, -2))
+    if isinstance(expression, reshape):
+        order = expression.order
+        return _apply(_form(expression.args[0], memo), lambda a: _reshaped(a, shape, order))
+    if isinstance(expression, Trace):
+        return _apply(_form(expression.args[0], memo), lambda a: np.trace(a, axis1=-2, axis2=-1)[..., None, None])
     # cvxpy derives the elementwise product from the matrix product, so it must be asked for first.
     if isinstance(expression, multiply):
         left, right = (_form(a, memo) for a in expression.args)
@@ -106,6 +115,13 @@ def _sum(left: Form, right: Form, shape: tuple[int, int]) -> Form:
         wide = np.broadcast_to(array, (array.shape[0], *shape))
         slopes[variable] = slopes[variable] + wide if variable in slopes else wide
     return left[0] + right[0], slopes
+
+
+def _reshaped(array: np.ndarray, shape: tuple[int, int], order: str) -> np.ndarray:
+    if order == "C":
+        return array.reshape(*array.shape[:-2], *shape)
+    turned = np.swapaxes(array, -1, -2).reshape(*array.shape[:-2], *reversed(shape))
+    return np.swapaxes(turned, -1, -2)
 
 
 def _two(shape: tuple[int, ...]) -> tuple[int, int]:

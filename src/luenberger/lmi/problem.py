@@ -1,29 +1,23 @@
 """Matrix inequalities as data: named blocks with a margin, an objective, and how they are solved and judged."""
 
-import os
 import time
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
-from cvxpy.error import SolverError
 
 from luenberger.algebra import Polynomial
-from luenberger.core import BadInput
-from luenberger.lmi.affine_form import Form, stacked
+from luenberger.lmi.affine_form import Memo, stacked
+from luenberger.lmi.posed import Posed
 from luenberger.lmi.relaxation import Bernstein, Relaxation
+from luenberger.lmi.relaxed import Relaxed
+from luenberger.lmi.solvers import SOLVERS, installed_solvers
 
-# Tried in this order; each answer is judged by its residual, never by the solver's own word.
-SOLVERS: Mapping[str, Mapping[str, Any]] = {
-    "CLARABEL": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10},
-    "CVXOPT": {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9},
-    "SDPA": {"epsilonStar": 1e-9, "epsilonDash": 1e-9},
-    "SCS": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iters": 20000},
-}
+__all__ = ["RESIDUAL", "SOLVERS", "Block", "Problem", "Solution", "expand", "installed_solvers", "solve"]
+
 RESIDUAL = 1e-6
 
 
@@ -44,6 +38,11 @@ class Block:
     box: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     margin: float = 0.0
     relaxation: Relaxation = field(default_factory=Bernstein)
+
+    @cached_property
+    def _relaxed(self) -> dict[tuple[int, ...], list[Relaxed]]:
+        """What was expanded already, by the identities of the variables: a recipe solves the same blocks several times."""
+        return {}
 
 
 @dataclass(frozen=True)
@@ -69,12 +68,13 @@ class Solution:
         values: variable name -> array.
         objective: value of the objective (0 for feasibility).
         optimum: the best objective found before any back-off.
-        margin: smallest  -lambda_max  over all blocks at these values; negative where one is violated.
+        margin: smallest margin over all blocks that these values prove; negative where one is violated.
         residual: violation relative to the size of the blocks, 0 where all hold.
         solver: who found it.
         solver_seconds: the solvers' own time over all tries [s].
         seconds: wall time over all tries [s].
         duals: block name -> share of the dual certificate charged to it.
+        margins: block name -> margin that these values prove,  matrix(r) <= -margin I  on its box.
     """
 
     values: Mapping[str, np.ndarray]
@@ -86,6 +86,7 @@ class Solution:
     solver_seconds: float
     seconds: float
     duals: Mapping[str, float] = field(default_factory=dict)
+    margins: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
@@ -114,120 +115,64 @@ def solve(
         BadInput: an unknown or absent solver is named.
     """
     start = time.perf_counter()
-    groups = expand(problem)
+    memo: Memo = {}
     unknowns = list(problem.variables.values())
-    x = cp.hstack([cp.vec(v, order="F") for v in unknowns])
-    cones: dict[str, list[Any]] = {}
-    for block in problem.blocks:
-        shift = -block.margin if slack is None else slack - block.margin
-        cones[block.name] = [
-            (shift * np.eye(n) - cp.reshape(K[:, :-1] @ x + K[:, -1], (n, n), order="C")) >> 0
-            for n, K in groups[block.name]
-        ]
-    objective = cp.Minimize(0 if problem.objective is None else problem.objective)
-    posed = cp.Problem(objective, [*(c for group in cones.values() for c in group), *extra])
+    posed = Posed(problem.objective, unknowns, expand(problem, memo), _margins(problem), slack, extra, memo)
     own = 0.0
     for name in installed_solvers(solvers):
         own += _run(posed, name)
         if any(v.value is None for v in unknowns) or (slack is not None and slack.value is None):
             continue
         values = {k: np.asarray(v.value) for k, v in problem.variables.items()}
-        margin, residual = _residual(problem, groups, values, 0.0 if slack is None else float(np.asarray(slack.value)))
+        level = 0.0 if slack is None else float(np.asarray(slack.value))
+        margins, residual = posed.judged(list(values.values()), level)
         if residual <= tolerance:
-            value = float(np.asarray(objective.expr.value))
-            return Solution(
-                values, value, value, margin, residual, name, own, time.perf_counter() - start, _charges(cones)
-            )
+            value = _number(problem.objective)
+            total = sum(posed.charges.values()) or 1.0
+            duals = {k: v / total for k, v in posed.charges.items()}
+            least, seconds = min(margins.values(), default=np.inf), time.perf_counter() - start
+            return Solution(values, value, value, least, residual, name, own, seconds, duals, margins)
     return None
 
 
-@contextmanager
-def _silent(solver: str) -> Iterator[None]:
-    """SDPA writes to the process's own standard output past every Python stream; keep machine-readable output clean."""
-    if solver != "SDPA":
-        yield
-        return
-    kept = os.dup(1)
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        os.dup2(nowhere.fileno(), 1)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 1)
-            os.close(kept)
-
-
-def expand(problem: Problem) -> dict[str, list[tuple[int, np.ndarray]]]:
-    """Return, block by block, the constant matrix inequalities of its relaxation as (n, K), vec(M) = K @ [x; 1] <= 0.
+def expand(problem: Problem, memo: Memo | None = None) -> dict[str, list[Relaxed]]:
+    """Return, block by block, the conditions of its relaxation over the stacked variables.
 
     Args:
         problem: blocks and variables; x stacks the variables in their order.
+        memo: forms of shared sub-expressions, filled on the way.
     """
     unknowns = list(problem.variables.values())
-    memo: dict[int, Form] = {}
-    groups: dict[str, list[tuple[int, np.ndarray]]] = {}
+    memo = {} if memo is None else memo
+    groups: dict[str, list[Relaxed]] = {}
+    key = tuple(v.id for v in unknowns)
     for block in problem.blocks:
-        n = block.matrix.shape[0]
-        numeric = block.matrix.map(lambda c: _symmetrised(stacked(c, unknowns, memo)))
-        groups.setdefault(block.name, []).extend((n, K) for K in block.relaxation.matrices(numeric, block.box))
+        if key not in block._relaxed:
+            numeric = block.matrix.map(lambda c: _symmetrised(stacked(c, unknowns, memo)))
+            block._relaxed[key] = block.relaxation.relaxed(numeric, block.box)
+        groups.setdefault(block.name, []).extend(block._relaxed[key])
     return groups
+
+
+def _run(posed: Posed, solver: str) -> float:
+    return posed.run(solver)
+
+
+def _margins(problem: Problem) -> dict[str, float]:
+    """Margin of each block name, the largest where blocks share one."""
+    found: dict[str, float] = {}
+    for block in problem.blocks:
+        found[block.name] = max(block.margin, found.get(block.name, block.margin))
+    return found
+
+
+def _number(objective: Any) -> float:
+    if objective is None:
+        return 0.0
+    return float(np.asarray(objective.value if isinstance(objective, cp.Expression) else objective))
 
 
 def _symmetrised(K: np.ndarray) -> np.ndarray:
     n = round(np.sqrt(K.shape[0]))
     flipped = K.reshape(n, n, -1).transpose(1, 0, 2).reshape(K.shape)
     return 0.5 * (K + flipped)
-
-
-def _run(posed: cp.Problem, solver: str) -> float:
-    """Run one solver; its status is ignored on purpose. Returns its own time [s]."""
-    try:
-        with warnings.catch_warnings(), _silent(solver):
-            warnings.simplefilter("ignore")
-            posed.solve(solver=solver, **SOLVERS[solver])
-    except (SolverError, ArithmeticError, ValueError):
-        for variable in posed.variables():
-            variable.save_value(None)
-        return 0.0
-    return float(posed.solver_stats.solve_time or 0.0)
-
-
-def _residual(
-    problem: Problem, groups: Mapping[str, list[tuple[int, np.ndarray]]], values: Mapping[str, np.ndarray], slack: float
-) -> tuple[float, float]:
-    """Return (smallest -lambda_max, largest relative violation) over all matrices at these values."""
-    x = np.concatenate([np.ravel(values[k], order="F") for k in problem.variables] + [np.ones(1)])
-    margin, worst = np.inf, 0.0
-    for block in problem.blocks:
-        for n, K in groups[block.name]:
-            value = (K @ x).reshape(n, n)
-            top = float(np.linalg.eigvalsh(value)[-1])
-            margin = min(margin, -top)
-            worst = max(worst, (top + block.margin - slack) / (1.0 + float(np.abs(value).max())))
-    return margin, worst
-
-
-def _charges(cones: Mapping[str, list[Any]]) -> dict[str, float]:
-    traces = {
-        name: sum(float(np.trace(np.atleast_2d(c.dual_value))) for c in group if c.dual_value is not None)
-        for name, group in cones.items()
-    }
-    total = sum(traces.values()) or 1.0
-    return {name: value / total for name, value in traces.items()}
-
-
-def installed_solvers(wanted: Sequence[str] | None = None) -> list[str]:
-    """Return the solvers to try, in order.
-
-    Args:
-        wanted: names; None for every installed one of `SOLVERS`.
-
-    Raises:
-        BadInput: an unknown or absent solver is named.
-    """
-    have = cp.installed_solvers()
-    if wanted is None:
-        return [s for s in SOLVERS if s in have]
-    if absent := [s for s in wanted if s not in SOLVERS or s not in have]:
-        raise BadInput(f"Solver {absent} is not available; installed: {[s for s in SOLVERS if s in have]}.")
-    return list(wanted)

@@ -33,7 +33,7 @@ def centre(
         return None
     t = cp.Variable()
     extra = [
-        cp.norm(v, "fro" if v.ndim == 2 else 2) <= cap * np.linalg.norm(best.values[k]) + 1e-9
+        cp.norm(v, "fro" if v.ndim == 2 else 2) <= cap * max(np.linalg.norm(best.values[k]), floor) + 1e-9
         for k, v in problem.variables.items()
     ]
     if problem.objective is not None:

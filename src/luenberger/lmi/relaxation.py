@@ -9,21 +9,49 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted
+from luenberger.lmi.relaxed import Relaxed, plain
 
 Box = Mapping[str, tuple[float, float]]
 
 
 @runtime_checkable
 class Relaxation(Protocol):
-    """Turns `matrix(r) < 0 for all r in the box` into a list of constant matrix inequalities."""
+    """Replaces `matrix(r) <= level I for all r in the box` by finitely many conditions that imply it."""
 
-    def matrices(self, matrix: Polynomial, box: Box) -> list[Any]:
-        """Return the matrices that must be negative definite."""
+    def relaxed(self, matrix: Polynomial, box: Box) -> list[Relaxed]:
+        """Return conditions that together imply the inequality; each element stands for a part of the box.
+
+        Args:
+            matrix: polynomial whose coefficients are the numeric forms K of symmetric matrices, vec(F) = K @ [x; 1].
+            box: parameter name -> interval.
+        """
         ...
 
 
+class ConstantMatrices:
+    """A relaxation by matrices that are combinations of the coefficients, without unknowns of its own."""
+
+    def matrices(self, matrix: Polynomial, box: Box) -> list[Any]:
+        """Return the matrices that must be negative definite; the coefficients may be of any arithmetic.
+
+        Args:
+            matrix: symmetric polynomial.
+            box: parameter name -> interval.
+        """
+        raise NotImplementedError
+
+    def relaxed(self, matrix: Polynomial, box: Box) -> list[Relaxed]:
+        """Return one condition for each matrix; see `Relaxation`.
+
+        Args:
+            matrix: polynomial of numeric forms.
+            box: parameter name -> interval.
+        """
+        return [plain(K) for K in self.matrices(matrix, box)]
+
+
 @dataclass(frozen=True)
-class Bernstein:
+class Bernstein(ConstantMatrices):
     """Bernstein coefficients: sound always, exact (the vertices) where the matrix is multi-affine.
 
     Args:
@@ -48,7 +76,7 @@ class Bernstein:
 
 
 @dataclass(frozen=True)
-class Vertices:
+class Vertices(ConstantMatrices):
     """The corners of the box; refused unless the matrix is multi-affine, where they decide exactly."""
 
     def matrices(self, matrix: Polynomial, box: Box) -> list[Any]:
@@ -59,13 +87,13 @@ class Vertices:
         """
         if not matrix.is_multi_affine:
             raise NotAccepted(
-                f"The inequality has degrees {matrix.degree}; vertices are unsound above 1. Use `Bernstein`."
+                f"The inequality has degrees {matrix.degree}; vertices are unsound above 1. Use `Planned` or `Bernstein`."
             )
         return list(matrix.bernstein(box).values())
 
 
 @dataclass(frozen=True)
-class Grid:
+class Grid(ConstantMatrices):
     """Values at grid points: necessary, never sufficient; a design made with it stands only by its certificate.
 
     Args:
