@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from luenberger.core import BadInput, Signal, Trajectory
+from luenberger.core import BadInput, Outcome, Signal, Trajectory
 from luenberger.experiment.entrant import Setting
 from luenberger.experiment.entrants import KINDS, build, kind_of
 from luenberger.replay import replay
@@ -77,3 +77,27 @@ def test_refusals() -> None:
     for bad in (0.0, True, "fast"):
         with pytest.raises(BadInput, match="positive number"):
             build(SETTING, {"kind": "lpv_luenberger", "decay_rate": bad})
+
+
+def test_nonlinear_observers_are_proved_and_go_on_beyond_their_slip_limit() -> None:
+    for kind in ("lpv_extended", "lpv_two_dof"):
+        entrant = build(SETTING, {"kind": kind, "friction": 0.9, "gain_limit": 4.0})
+        assert entrant.design is not None
+        assert entrant.design.certificate.outcome is Outcome.PROVED
+        assert {"decay", "l2_gain", "gain_bound"} <= {c.kind for c in entrant.design.certificate.claims}
+        limit = KINDS[kind].options["slip_limit"]
+        f = entrant.design.system.nonlinearity
+        assert f is not None
+        assert f.is_clipped
+        assert f.domain is not None
+        assert f.jacobian_lower is not None
+        assert f.jacobian_upper is not None
+        # A brush tyre alone would be flat at a radian; continued it keeps a slope of the design.
+        slope = (f(np.array([1.0, 0.0]), None) - f(np.array([0.9, 0.0]), None))[0] / 0.1
+        assert float(f.jacobian_lower[0, 0]) < slope < float(f.jacobian_upper[0, 0])
+        assert f.domain[1][0] == limit
+
+
+def test_a_filter_may_do_without_the_accelerometer(drive: Trajectory) -> None:
+    entrant = build(SETTING, {"kind": "ekf_yaw_rate"})
+    assert "lateral_acceleration" not in (*entrant.channels.inputs, *entrant.channels.outputs)

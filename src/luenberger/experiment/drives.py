@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import radians
 from typing import Any
 
 import jax
@@ -16,7 +17,9 @@ from luenberger.vehicle.double_track import DoubleTrack
 from luenberger.vehicle.double_track_parameters import DoubleTrackParameters
 from luenberger.vehicle.driver import PreviewDriver, SpeedKeeper, closed_loop, iso_3888_1
 from luenberger.vehicle.manoeuvres import (
+    BrokenLine,
     Constant,
+    HalfCosine,
     Manoeuvre,
     braking_lane_changes,
     fishhook,
@@ -24,12 +27,22 @@ from luenberger.vehicle.manoeuvres import (
     slalom,
     step_steer,
 )
+from luenberger.vehicle.parameters import GRAVITY
 from luenberger.vehicle.road import Road
 
 # Rate at which the driver closes a gap to the wanted speed [1/s].
 SPEED_HOLD = 2.0
 # The second lane lies to the left; with these factors the stiffness of the dissertation's car spans the box of (4.45).
 LANE_EDGE, STIFF, SOFT = 1.75, 1.1, 0.9
+# The tyre curve of the dissertation is for loads that exceed the weight of its car; on this road the double track, whose wheels
+# carry the weight, has the printed peaks 0.85 times 6000 N and 4000 N.
+GRIPPY = 0.85 * 10_000.0 / (800.0 * GRAVITY)
+# Its car is neutral; with less of the load transfer in front, the rear lets go first and the car spins.
+UNDERSTEERING = {"front_roll_share": 0.9, "brake_front_share": 0.75}
+# Angle of the steering wheel over that of the road wheels in the fishhook of the agency.
+STEERING_RATIO = 16.0
+# Speeds between which it brakes [m/s], and the road-wheel angle [rad] that takes both axles beyond 0.1 rad.
+FISHHOOK_SPEED, FISHHOOK_ANGLE = (78 / 3.6, 23 / 3.6), 0.085
 
 
 @dataclass(frozen=True)
@@ -65,7 +78,13 @@ def simulated_drive(name: str, car: VehicleParameters, sample_time: float) -> Tr
     return DRIVES[name].run(car, sample_time)
 
 
-def open_loop(car: VehicleParameters, sample_time: float, manoeuvre: Manoeuvre, road: Road | None = None) -> Trajectory:
+def open_loop(
+    car: VehicleParameters,
+    sample_time: float,
+    manoeuvre: Manoeuvre,
+    road: Road | None = None,
+    chassis: Mapping[str, float] | None = None,
+) -> Trajectory:
     """Drive a manoeuvre, its speed held, and return the channels of a drive.
 
     Args:
@@ -73,8 +92,11 @@ def open_loop(car: VehicleParameters, sample_time: float, manoeuvre: Manoeuvre, 
         sample_time: step of the samples [s].
         manoeuvre: steering and speed over time.
         road: what lies under the wheels; left out: dry and even.
+        chassis: numbers of `DoubleTrackParameters` in place of the assumed ones.
     """
-    model = DoubleTrack(DoubleTrackParameters.of(car), _dry() if road is None else road)
+    model = DoubleTrack(
+        DoubleTrackParameters.of(car, "set by the drive", **(chassis or {})), _dry() if road is None else road
+    )
     start = model.start(float(manoeuvre.speed(0.0)))
     time = np.arange(0.0, manoeuvre.duration + 0.5 * sample_time, sample_time)
     run = simulate(
@@ -111,6 +133,58 @@ def lane_change(
     time = np.arange(0.0, seconds, sample_time)
     run = simulate(loop, time=time, x0=np.asarray(start), rtol=1e-8, atol=1e-10)
     return _channels(run, course.name, ("path_error",))
+
+
+def braking_fishhook(amplitude: float = FISHHOOK_ANGLE) -> Manoeuvre:
+    """Return a fishhook to the left while the speed falls from 78 to 23 km/h, as Wang 2014 shows it in figures 5.6 and 5.7.
+
+    The dissertation prints the two speeds; the angle, the times and the half cosine between the speeds are ours.
+
+    Args:
+        amplitude: road-wheel angle [rad].
+    """
+    first, last = FISHHOOK_SPEED
+    turn = fishhook(amplitude, steering_ratio=STEERING_RATIO, start=0.5, duration=10.0).turn
+    return Manoeuvre(turn, HalfCosine(first, last, 0.5, 8.0), 10.0, "fishhook while braking")
+
+
+def two_fishhooks(first: float = 0.095, second: float = 0.09) -> Manoeuvre:
+    """Return a braking fishhook to the left and, once the car is fast again, another to the right: one to tune, one to score.
+
+    Args:
+        first: road-wheel angle of the one to the left [rad].
+        second: of the one to the right [rad].
+    """
+    b, rate = second / first, radians(720) / STEERING_RATIO
+    levels = [1, 1, -1, -1, 0, 0, -b, -b, b, b, 0]
+    lengths = [0, 0.25, 0, 3, 2, 5.0, 0, 0.25, 0, 3, 2]
+    turns = [1, 0, 2, 0, 0, 0, b, 0, 2 * b, 0, 0]
+    turn = BrokenLine(first, 0.5, jnp.array(levels), jnp.array(lengths), jnp.array(turns), rate)
+    fast, slow = FISHHOOK_SPEED
+    pace = BrokenLine(
+        fast,
+        -1.0,
+        jnp.array([1.0, 1.0, slow / fast, 1.0, 1.0, slow / fast]),
+        jnp.array([0.5, 1.0, 5.5, 4.5, 0.5, 5.5]),
+        jnp.zeros(6),
+        1.0,
+    )
+    return Manoeuvre(turn, pace, 18.0, "two fishhooks while braking")
+
+
+def braked_fishhook(
+    car: VehicleParameters, sample_time: float, manoeuvre: Manoeuvre | None = None, friction: float = GRIPPY
+) -> Trajectory:
+    """Drive a braking fishhook with an understeering chassis and return the channels of a drive.
+
+    Args:
+        car: as in `simulated_drive`.
+        sample_time: step of the samples [s].
+        manoeuvre: left out: `braking_fishhook`.
+        friction: of the road.
+    """
+    driven = braking_fishhook() if manoeuvre is None else manoeuvre
+    return open_loop(car, sample_time, driven, Road.uniform(friction), UNDERSTEERING)
 
 
 def _channels(run: Trajectory, name: str, more: tuple[str, ...] = ()) -> Trajectory:
@@ -155,7 +229,11 @@ DRIVES: Mapping[str, Drive] = {
     "iso_3888_1": Drive(lane_change, "double lane change of ISO 3888-1 with a driver, 80 km/h"),
     "slalom": Drive(lambda car, dt: open_loop(car, dt, slalom(0.03, 20.0)), "slalom at 72 km/h"),
     "step_steer": Drive(lambda car, dt: open_loop(car, dt, step_steer(0.04, 25.0)), "step steer at 90 km/h"),
-    "fishhook": Drive(lambda car, dt: open_loop(car, dt, fishhook(0.06, 20.0)), "fishhook at 72 km/h"),
+    "fishhook": Drive(braked_fishhook, "fishhook, 78 to 23 km/h, slip angles beyond 0.1 rad"),
+    "two_fishhooks": Drive(
+        lambda car, dt: braked_fishhook(car, dt, two_fishhooks()),
+        "a fishhook to the left and one to the right, braking",
+    ),
     "sine_with_dwell": Drive(
         lambda car, dt: open_loop(car, dt, sine_with_dwell(0.05, 80 / 3.6)), "sine with dwell at 80 km/h"
     ),

@@ -16,12 +16,18 @@ from scipy.signal import lfilter
 from luenberger.core import BadInput, Trajectory
 from luenberger.core.checks import known_keys, nearest
 from luenberger.experiment.entrant import Entrant, Kind, Setting
+from luenberger.experiment.entrants_slip import (
+    least_disturbance,
+    least_disturbance_two_dof,
+    lpv_linear,
+    lpv_nonlinear,
+    smallest_gain,
+)
 from luenberger.experiment.envelope import OPTIONS, envelope
 from luenberger.methods.interval import IntervalLuenberger
 from luenberger.methods.interval_width import IntervalWidth
 from luenberger.methods.kalman_gain import KalmanGain
 from luenberger.methods.method import Method
-from luenberger.methods.polytopic import PolytopicLuenberger
 from luenberger.observers import AlgebraicEstimate, ExtendedKalmanFilter, UnscentedKalmanFilter, zero_estimate
 from luenberger.replay import Channels
 from luenberger.synthesize import synthesize
@@ -32,12 +38,9 @@ from luenberger.vehicle import (
     SingleTrack,
     Tyre,
     VehicleParameters,
-    brush_tyres,
     lateral_speed_plant,
     rear_axle_sideslip,
     sideslip_from_lateral_speed,
-    sideslip_from_rear_slip,
-    slip_angle_plant,
 )
 
 # Measurement noise every filter assumes [rad/s, m/s^2]: a production yaw-rate sensor and a vibrating accelerometer.
@@ -120,32 +123,6 @@ def _without_tyres(car: VehicleParameters) -> VehicleParameters:
     return car.with_values("read from a signal", front_stiffness=1.0, rear_stiffness=1.0)
 
 
-def _lpv_luenberger(tyre: str) -> Callable[[Setting, Mapping[str, float]], Entrant]:
-    def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
-        car = setting.car
-        if tyre == "linear":
-            plant = slip_angle_plant(car, setting.speed, setting.acceleration)
-        else:
-            tyres = brush_tyres(car.with_values(friction=options["friction"]))
-            limit = options["slip_limit"]
-            plant = slip_angle_plant(car, setting.speed, setting.acceleration, tyres=tyres, slip_limit=limit)
-        design = synthesize(plant, PolytopicLuenberger(decay_rate=options["decay_rate"]))
-        channels = Channels(
-            ("steering", "steering_rate", "yaw_rate"), ("slip_difference",), ("inverse_speed", "acceleration")
-        )
-
-        def sideslip(x: np.ndarray, trajectory: Trajectory) -> np.ndarray:
-            speed, yaw_rate = trajectory["speed"].values, trajectory["yaw_rate"].values
-            return np.asarray(sideslip_from_rear_slip(x[:, 1], speed, yaw_rate, car))
-
-        # The linear loop is held exactly; with tyres in it Runge-Kutta follows their curve.
-        method = "exact" if tyre == "linear" else "rk4"
-        observer = design.observer(setting.dt, method=method, clip_scheduling=True)
-        return Entrant(observer, channels, sideslip, design=design)
-
-    return built
-
-
 def _lpv_kalman_gain(setting: Setting, options: Mapping[str, float]) -> Entrant:
     plant = lateral_speed_plant(setting.car, setting.speed, outputs=("yaw_rate", "lateral_acceleration"))
     # Covariances of sampled noise become spectral densities when multiplied by the sample time.
@@ -158,19 +135,21 @@ def _lpv_kalman_gain(setting: Setting, options: Mapping[str, float]) -> Entrant:
 
 
 def _filter(
-    filter_type: type[ExtendedKalmanFilter] | type[UnscentedKalmanFilter], tyre: str
+    filter_type: type[ExtendedKalmanFilter] | type[UnscentedKalmanFilter],
+    tyre: str,
+    outputs: tuple[str, ...] = ("yaw_rate", "lateral_acceleration"),
 ) -> Callable[[Setting, Mapping[str, float]], Entrant]:
     def built(setting: Setting, options: Mapping[str, float]) -> Entrant:
         car = setting.car
         observer = filter_type(
-            _single_track_maps(_without_tyres(car), tyre, setting.dt),
+            _single_track_maps(_without_tyres(car), tyre, setting.dt, len(outputs)),
             setting.dt,
-            measurement_covariance=np.diag(np.square(SENSOR_DEVIATION)),
+            measurement_covariance=np.diag(np.square(SENSOR_DEVIATION[: len(outputs)])),
             initial_covariance=np.diag([1.0, 0.1]),
             process_density=np.diag([1.0, 0.1]) * options["process_density"],
             states=("lateral_speed", "yaw_rate"),
         )
-        channels = Channels(("steering",), ("yaw_rate", "lateral_acceleration"), ("speed", *TYRE))
+        channels = Channels(("steering",), outputs, ("speed", *TYRE))
         constants = dict(
             zip(TYRE, (car.front_stiffness, car.rear_stiffness, options.get("friction", 1.0)), strict=True)
         )
@@ -180,8 +159,10 @@ def _filter(
 
 
 @cache
-def _single_track_maps(car: VehicleParameters, tyre: str, dt: float) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return (one-step map, output) of the single track with r = (speed, front stiffness, rear stiffness, friction)."""
+def _single_track_maps(
+    car: VehicleParameters, tyre: str, dt: float, ny: int
+) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return (one-step map, first outputs) of the single track with r = (speed, front stiffness, rear stiffness, friction)."""
 
     def model(r: Any) -> SingleTrack:
         def axle(stiffness: Any, load: float) -> Tyre:
@@ -193,7 +174,7 @@ def _single_track_maps(car: VehicleParameters, tyre: str, dt: float) -> tuple[Ca
         return runge_kutta(lambda z: model(r)(0.0, z, u, r), x, dt)
 
     def output(x: Any, u: Any, r: Any) -> jax.Array:
-        return model(r).output(0.0, x, u, r)
+        return model(r).output(0.0, x, u, r)[:ny]
 
     return advance, output
 
@@ -223,13 +204,25 @@ KINDS: Mapping[str, Kind] = {
         "the same force balance with a brush tyre that saturates",
     ),
     "lpv_brush": Kind(
-        _lpv_luenberger("brush"),
+        lpv_nonlinear(smallest_gain),
         {"decay_rate": 0.3, "friction": 1.0, "slip_limit": 0.1},
         (*_STIFFNESS, "friction", "decay_rate"),
         "certified LPV observer of the slip angles with brush tyres, from steering, speed and yaw rate",
     ),
+    "lpv_extended": Kind(
+        lpv_nonlinear(least_disturbance, disturbance=True),
+        {"gain_limit": 10.0, "friction": 1.0, "slip_limit": 0.1},
+        (*_STIFFNESS, "friction", "gain_limit"),
+        "certified gain-scheduled nonlinear observer with brush tyres and least L2 gain, from steering, speed and yaw rate",
+    ),
+    "lpv_two_dof": Kind(
+        lpv_nonlinear(least_disturbance_two_dof, disturbance=True),
+        {"gain_limit": 10.0, "friction": 1.0, "slip_limit": 0.06},
+        (*_STIFFNESS, "friction", "gain_limit"),
+        "the same with a second gain in the argument of the tyres, by multipliers",
+    ),
     "lpv_luenberger": Kind(
-        _lpv_luenberger("linear"),
+        lpv_linear,
         {"decay_rate": 3.0},
         (*_STIFFNESS, "decay_rate"),
         "certified LPV observer of the slip angles from steering, speed and yaw rate",
@@ -269,6 +262,12 @@ KINDS: Mapping[str, Kind] = {
         {"process_density": 1.0, "friction": 1.0},
         (*_STIFFNESS, "friction", "process_density"),
         "extended Kalman filter, brush tyres",
+    ),
+    "ekf_yaw_rate": Kind(
+        _filter(ExtendedKalmanFilter, "brush", ("yaw_rate",)),
+        {"process_density": 1.0, "friction": 1.0},
+        (*_STIFFNESS, "friction", "process_density"),
+        "extended Kalman filter, brush tyres, without the accelerometer: what the slip-angle observers read",
     ),
     "ukf": Kind(
         _filter(UnscentedKalmanFilter, "brush"),

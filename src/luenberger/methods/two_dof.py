@@ -182,7 +182,7 @@ class TwoDofLuenberger:
         if limits.gain is not None and not posing.channels.is_shifted:
             least = solve(replace(posing, weight=None).problem(unknowns, Limits()))
             if least is not None:
-                raise infeasible(problem, "gain_limit", limits.gain, "1/s", float(np.sqrt(least.objective)))
+                raise infeasible(problem, "gain_limit", limits.gain, "1/s", float(np.sqrt(max(least.objective, 0.0))))
         nearest = nearest_level(
             lambda rate: replace(posing, decay_rate=rate).problem(unknowns, limits), 0.0, self.decay_rate
         )
@@ -214,7 +214,7 @@ class TwoDofLuenberger:
             raise infeasible(least.problem(free, plain), "argument_gain_limit", limits.argument, "", needed)
         if (best := best_improved(posing, [small[0].second()], limits)) is not None:
             return best
-        nearest = float(np.sqrt(small[1].objective))
+        nearest = float(np.sqrt(max(small[1].objective, 0.0)))
         raise infeasible(posing.problem(small[0], limits), "gain_limit", limits.gain, "1/s", nearest)
 
     def _candidate(self, posing: Posing, unknowns: Unknowns, found: Solution, best: Solution) -> Candidate:
