@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import cvxpy as cp
 import numpy as np
+import pytest
 
 from luenberger.algebra import Polynomial
 from luenberger.lmi import Block, Problem, centre, charged_block, infeasible, nearest_level, solve
@@ -28,6 +29,26 @@ def test_centring_gives_a_strict_interior_point_at_a_stated_price() -> None:
     assert centred.optimum == best.objective
     # The price is at most the five percent that were offered (plus solver accuracy).
     assert best.objective <= centred.objective <= 1.05 * best.objective + 1e-6
+
+
+def test_a_failed_second_solve_leaves_the_first_answer_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, calls = replace(decaying(0.5), objective=None), []
+
+    def once(given: Problem, **options: object) -> object:
+        calls.append(given)
+        found = solve(given, **options)  # type: ignore[arg-type]
+        if len(calls) > 1:
+            for variable in problem.variables.values():
+                variable.save_value(None)
+            return None
+        return found
+
+    monkeypatch.setattr("luenberger.lmi.recipe.solve", once)
+    found = centre(problem)
+    assert len(calls) == 2
+    assert found is not None
+    assert found.margin > 0
+    np.testing.assert_array_equal(np.asarray(problem.variables["P"].value), found.values["P"])
 
 
 def test_nearest_level_is_the_slowest_mode() -> None:

@@ -135,6 +135,15 @@ def test_readme_commands_exist() -> None:
     assert (ROOT / "experiments/slip_angle_slalom.toml").is_file()
 
 
+def test_readme_example_of_a_nonlinear_plant_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, object] = {}
+    exec((ROOT / "README.md").read_text().split("```python\n")[2].split("```")[0], names)
+    assert "hull" in capsys.readouterr().out
+    one, two, safe = (names[k].certificate for k in ("one", "two", "safe"))  # type: ignore[attr-defined]
+    assert two.level("gain_bound") < one.level("gain_bound") / 5
+    assert safe.level("domain") > 0
+
+
 def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readme = (ROOT / "README.md").read_text()
     code = readme.split("```python\n")[1].split("```")[0]

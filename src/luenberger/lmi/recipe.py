@@ -41,7 +41,12 @@ def centre(
     wide = solve(replace(problem, objective=t), slack=t, extra=extra, solvers=solvers)
     if wide is None or not wide.margin > 0:
         # The optimum itself may lie strictly inside where the wider problem defeats the solvers.
-        return best if best.margin > 0 else None
+        if not best.margin > 0:
+            return None
+        # Whoever reads the variables themselves must not see the failed try.
+        for name, variable in problem.variables.items():
+            variable.save_value(best.values[name])
+        return best
     value = 0.0 if problem.objective is None else float(problem.objective.value)
     return replace(
         wide,

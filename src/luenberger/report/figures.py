@@ -12,7 +12,7 @@ from luenberger.core import BadInput
 from luenberger.report.decimation import decimated
 from luenberger.report.palette import TRUTH, Style, faded, styles
 
-Kind = Literal["estimates", "errors", "cost"]
+Kind = Literal["comparison", "estimates", "errors", "cost"]
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 _GRID = "#e6e8eb"
 # What people read on a screen, for each SI unit that is written differently there.

@@ -1,9 +1,21 @@
 """Plants: matrices over a scheduling domain, nonlinearity, and the bounds we trust."""
 
+from luenberger.systems.embedding import Embedding, embed
+from luenberger.systems.jacobian_hull import prove_hull, proved_hull
 from luenberger.systems.matrix import MatrixFunction
 from luenberger.systems.nonlinearity import Nonlinearity
 from luenberger.systems.parameter import Parameter
 from luenberger.systems.scheduling_error import SchedulingError
 from luenberger.systems.system import System
 
-__all__ = ["MatrixFunction", "Nonlinearity", "Parameter", "SchedulingError", "System"]
+__all__ = [
+    "Embedding",
+    "MatrixFunction",
+    "Nonlinearity",
+    "Parameter",
+    "SchedulingError",
+    "System",
+    "embed",
+    "prove_hull",
+    "proved_hull",
+]

@@ -4,6 +4,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from luenberger.experiment.published import (
+    conservatism_figure,
+    lipschitz_conservatism,
+    relaxation_study,
     relaxations,
     song_hedrick,
     truth_models,
@@ -20,11 +23,14 @@ SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
     "truth-models": truth_models.rows,
     "wang-lpv": wang_lpv.rows,
     "wang-interval": wang_interval.rows,
+    "wang-relaxations": relaxation_study.rows,
+    "lipschitz-conservatism": lipschitz_conservatism.rows,
 }
 # Papers whose figures are drawn again on a page.
 PAGES: Mapping[str, Callable[[Path], Path]] = {
     "wang-lpv": wang_figures.write_page,
     "wang-interval": wang_figures.write_page,
+    "lipschitz-conservatism": conservatism_figure.write_page,
 }
 
 __all__ = ["PAGES", "SOURCES", "Row", "Verdict"]
