@@ -13,6 +13,7 @@ from luenberger.certify.continuum import Verdict
 from luenberger.certify.enclosure import enclosure_verdict
 from luenberger.certify.inequality import claim_verdict
 from luenberger.certify.rational_text import from_text, to_text
+from luenberger.certify.steady_box import steady_box_verdict
 from luenberger.certify.validity import domain_verdict
 from luenberger.core import Outcome
 from luenberger.systems import Parameter, System
@@ -198,6 +199,8 @@ def prove(
         failed, verdict = enclosure_verdict(system, gain, claim)
     elif claim.kind == "domain":
         failed, verdict = domain_verdict(system, gain, claim, argument_gain)
+    elif claim.kind == "steady_box" and model is None:
+        failed, verdict = steady_box_verdict(system, gain, claim)
     else:
         failed, verdict = claim_verdict(system, gain, claim, model, argument_gain=argument_gain)
     reason = _reason(claim, failed, verdict)

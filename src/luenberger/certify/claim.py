@@ -25,6 +25,7 @@ Kind = Literal[
     "gain_bound",
     "argument_gain_bound",
     "domain",
+    "steady_box",
     "cooperative",
     "width_decay",
     "width_gain",
@@ -46,6 +47,8 @@ class Claim:
     * argument_gain_bound: |L2(r)|_2 <= level, L2 what multiplies it in the argument of f.
     * domain: while the state keeps `state_bound` away from the faces of the domain of f, errors with e' P e <= level keep
       the argument of f (the estimate, or zeta with an argument gain) inside the domain, stay in that set, and go to zero.
+    * steady_box: with disturbance and noise inside their bounds every error of a discrete plant ends in |e_k| <= `vector`_k, and
+      what starts in the smallest invariant set stays in that box; `level` is the largest of them, `storage` shows contraction.
     * cooperative: all entries of T (A(r,q) - L(r) C(r)) T^-1 off the diagonal are >= 0, so that order is kept.
     * width_decay, width_gain: as decay and l2_gain, for the width of the enclosure that an interval observer draws.
     * width: once every width |T x| is below `vector` it stays there, inside the stated bounds.
@@ -63,7 +66,7 @@ class Claim:
         form: which signal a scheduling error multiplies, see `ErrorSystem.of`.
         trace: witness Z of an H2 claim, shape (nz, nz): [P, W'; W, Z] > 0 and trace Z < level.
         transform: coordinates T of an enclosure claim, shape (nx, nx); None for the states themselves.
-        vector: witness of a width claim, shape (nx,).
+        vector: witness of a width claim, or the half widths of a steady box, shape (nx,).
         state_bound: |x_k| <= bound that a width claim assumes, shape (nx,), or (nx + nu,) with bounds of the inputs; of a
             domain claim the distance that the state keeps from the faces of the domain, shape (nx,).
 
@@ -94,6 +97,8 @@ class Claim:
             if self.vector is None:
                 raise BadInput("A width claim needs its witness `vector`; nothing could check it.")
             return
+        if self.kind == "steady_box" and self.vector is None:
+            raise BadInput("A steady box needs `vector`, its half widths; nothing could check it.")
         if self.storage is None:
             raise BadInput(f"The claim `{self.kind}` has no storage matrix; nothing could check it.")
         if isinstance(self.storage, Polynomial):
@@ -116,6 +121,9 @@ class Claim:
             return f"The gain in the argument of f, |L2(r)|, stays below {self.level:.6g} on the whole scheduling box."
         if self.kind == "domain":
             return self._domain_sentence()
+        if self.kind == "steady_box":
+            box = ", ".join(f"{w:.4g}" for w in np.asarray(self.vector))
+            return f"With disturbance and noise inside their bounds every error ends in |e| <= ({box}), state by state, for good."
         if self.kind in ("l2_gain", "h2_gain"):
             channels = ("disturbance+noise" if self.inputs == "both" else self.inputs).split("+")
             what = " and ".join(_inputs[c].format(signal="x" if self.form == "plant" else "xhat") for c in channels)

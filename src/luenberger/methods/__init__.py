@@ -20,6 +20,9 @@ from luenberger.methods.robust_luenberger import RobustLuenberger
 from luenberger.methods.structured_lipschitz import StructuredLipschitz
 from luenberger.methods.two_dof import TwoDofLuenberger
 from luenberger.methods.unstructured import UnstructuredObserver
+from luenberger.methods.zonotopic_energy import HInfinityGain, SegmentGain
+from luenberger.methods.zonotopic_radius import PRadiusGain
+from luenberger.methods.zonotopic_width import SteadyWidth
 
 METHODS: dict[str, type[Method]] = {
     method.__name__: method
@@ -38,6 +41,10 @@ METHODS: dict[str, type[Method]] = {
         TwoDofLuenberger,
         FullBlockLuenberger,
         PrintedTwoDof,
+        SteadyWidth,
+        SegmentGain,
+        HInfinityGain,
+        PRadiusGain,
     )
 }
 
@@ -48,6 +55,7 @@ __all__ = [
     "EpsilonBracket",
     "ExtendedLuenberger",
     "FullBlockLuenberger",
+    "HInfinityGain",
     "IntervalLuenberger",
     "IntervalWidth",
     "KalmanGain",
@@ -57,9 +65,12 @@ __all__ = [
     "MarginBracket",
     "MarginTable",
     "Method",
+    "PRadiusGain",
     "PolytopicLuenberger",
     "PrintedTwoDof",
     "RobustLuenberger",
+    "SegmentGain",
+    "SteadyWidth",
     "StructuredLipschitz",
     "TwoDofLuenberger",
     "UnstructuredObserver",

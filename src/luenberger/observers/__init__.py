@@ -15,6 +15,7 @@ from luenberger.observers.zonotopic import (
     ZonotopicLuenberger,
     ZonotopicObserver,
 )
+from luenberger.observers.zonotopic_strips import ZonotopicStripFilter, together
 
 __all__ = [
     "AlgebraicEstimate",
@@ -35,8 +36,10 @@ __all__ = [
     "ZonotopicKalmanFilter",
     "ZonotopicLuenberger",
     "ZonotopicObserver",
+    "ZonotopicStripFilter",
     "explain",
     "monitor",
     "substeps_needed",
+    "together",
     "zero_estimate",
 ]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from luenberger.experiment.published import (
     conservatism_figure,
+    guaranteed_estimation,
     lipschitz_conservatism,
     relaxation_study,
     relaxations,
@@ -25,6 +26,7 @@ SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
     "wang-interval": wang_interval.rows,
     "wang-relaxations": relaxation_study.rows,
     "lipschitz-conservatism": lipschitz_conservatism.rows,
+    "guaranteed-estimation": guaranteed_estimation.rows,
 }
 # Papers whose figures are drawn again on a page.
 PAGES: Mapping[str, Callable[[Path], Path]] = {
