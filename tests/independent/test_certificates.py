@@ -28,7 +28,7 @@ ENCLOSING = [r for r in ROWS if r.name.startswith("interval")]
 
 
 def random_loops(design: Design, count: int) -> list[tuple[dict[str, float], np.ndarray]]:
-    """A - L C + F J H at random scheduling and random Jacobians (a ball of them where only a Lipschitz constant is known)."""
+    """A - L C + F J H (I - L2 C) at random scheduling and random Jacobians: of the hull, the box, or a ball of them."""
     generator, system = np.random.default_rng(5), design.system
     loops = []
     for _ in range(count):
@@ -41,12 +41,18 @@ def random_loops(design: Design, count: int) -> list[tuple[dict[str, float], np.
         A = np.asarray(system.at("A", r)) - np.asarray(design.gain(values)) @ np.asarray(system.at("C", r))
         f = system.nonlinearity
         if f is not None:
-            if f.jacobian_lower is not None and f.jacobian_upper is not None:
+            if f.jacobian_vertices is not None:
+                shares = generator.dirichlet(np.full(len(f.jacobian_vertices), 0.2))
+                J = np.tensordot(shares, f.jacobian_vertices, 1)
+            elif f.jacobian_lower is not None and f.jacobian_upper is not None:
                 J = generator.uniform(f.jacobian_lower, f.jacobian_upper)
             else:
                 J = generator.normal(size=(f.size, f.H.shape[0]))
                 J *= f.lipschitz_bound / np.linalg.norm(J, 2)
-            A = A + np.asarray(system.at("F", r)) @ J @ f.H
+            seen = np.eye(system.nx)
+            if design.argument_gain is not None:
+                seen = seen - np.asarray(design.argument_gain(values)) @ np.asarray(system.at("C", r))
+            A = A + np.asarray(system.at("F", r)) @ J @ f.H @ seen
         loops.append((values, A))
     return loops
 

@@ -14,6 +14,8 @@ from luenberger.experiment.published import (
     wang_figures,
     wang_interval,
     wang_lpv,
+    wang_nonlinear,
+    wang_nonlinear_figures,
 )
 from luenberger.experiment.published.row import Row, Verdict
 
@@ -24,6 +26,7 @@ SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
     "truth-models": truth_models.rows,
     "wang-lpv": wang_lpv.rows,
     "wang-interval": wang_interval.rows,
+    "wang-nonlinear": wang_nonlinear.rows,
     "wang-relaxations": relaxation_study.rows,
     "lipschitz-conservatism": lipschitz_conservatism.rows,
     "guaranteed-estimation": guaranteed_estimation.rows,
@@ -32,6 +35,7 @@ SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
 PAGES: Mapping[str, Callable[[Path], Path]] = {
     "wang-lpv": wang_figures.write_page,
     "wang-interval": wang_figures.write_page,
+    "wang-nonlinear": wang_nonlinear_figures.write_page,
     "lipschitz-conservatism": conservatism_figure.write_page,
 }
 

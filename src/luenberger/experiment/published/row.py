@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 # Where a number stands that no paper prints.
 INDEPENDENT = "independent implementation"
 
@@ -55,8 +57,8 @@ def judged(
     ours: str,
     reason: str,
     *,
-    reproduced: bool,
-    corrected: bool = False,
+    reproduced: bool | np.bool_,
+    corrected: bool | np.bool_ = False,
     deviation: float | None = None,
 ) -> Row:
     """Return a row whose verdict follows from what was computed.
