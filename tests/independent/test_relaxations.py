@@ -130,7 +130,7 @@ def test_tighter_kinds_are_never_looser() -> None:
 
 
 def test_rows_of_a_small_study() -> None:
-    """The whole study is `luenberger reproduce relaxations`; a few draws show that its rows are made and sound."""
+    """The whole study is `luenberger reproduce wang-relaxations`; a few draws show that its rows are made and sound."""
     told: list[str] = []
     rows = list(relaxation_rows(lambda row: told.append(row.item), count=4))
     assert told == [row.item for row in rows]

@@ -18,7 +18,7 @@ from luenberger.experiment.published.wang_nonlinear_sector import (
     NO_GAIN,
     sector_rows,
 )
-from luenberger.experiment.published.wang_nonlinear_slip import slip_rows
+from luenberger.experiment.published.wang_nonlinear_slip import level_rows, reach_rows
 from luenberger.experiment.published.wang_nonlinear_text import text_rows
 
 R, C, N = Verdict.REPRODUCED, Verdict.CORRECTED, Verdict.NOT_REPRODUCIBLE
@@ -30,7 +30,7 @@ PARTS: tuple[tuple[Callable[[], Iterator[Row]], list[Verdict]], ...] = (
     (gain_rows, [R, R, R, R, R, R, R, R, C, R, R]),
     (car_rows, [C, R, N, C, R, R, C, R, C]),
     (printed_rows, [C, N, N, R]),
-    (slip_rows, [R, R, C, R, R, R, R, R, R]),
+    (level_rows, [R, R, R, R, R, R]),
 )
 
 
@@ -39,6 +39,12 @@ def test_every_row_has_its_verdict_and_says_why(part: Callable[[], Iterator[Row]
     found = list(part())
     assert [r.verdict for r in found] == verdicts
     assert all(r.reason and r.equation and r.item for r in found)
+
+
+@pytest.mark.study
+def test_reach_on_the_slip_angles() -> None:
+    # The same limits stand in the tests of the methods; here every bisection of the rows is run.
+    assert [r.verdict for r in reach_rows()] == [R, R, C]
 
 
 def test_smallest_gains_of_the_oscillator() -> None:
