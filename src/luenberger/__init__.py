@@ -11,7 +11,7 @@ jax.config.update("jax_enable_x64", True)
 
 from luenberger.algebra import Polynomial  # noqa: E402
 from luenberger.core import Outcome, Signal, Trajectory  # noqa: E402
-from luenberger.systems import MatrixFunction, Nonlinearity, Parameter, System, embed  # noqa: E402
+from luenberger.systems import MatrixFunction, Nonlinearity, Parameter, Switched, System, embed  # noqa: E402
 
 __version__ = "0.1.0"
 
@@ -22,6 +22,7 @@ __all__ = [
     "Parameter",
     "Polynomial",
     "Signal",
+    "Switched",
     "System",
     "Trajectory",
     "embed",

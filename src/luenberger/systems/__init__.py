@@ -6,6 +6,7 @@ from luenberger.systems.matrix import MatrixFunction
 from luenberger.systems.nonlinearity import Nonlinearity
 from luenberger.systems.parameter import Parameter
 from luenberger.systems.scheduling_error import SchedulingError
+from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Nonlinearity",
     "Parameter",
     "SchedulingError",
+    "Switched",
     "System",
     "embed",
     "prove_hull",

@@ -1,7 +1,7 @@
 """Cars: parameter sets with sources, tyres, roads, plants, single- and double-track truths, manoeuvres, derived channels."""
 
 from luenberger.vehicle.algebraic import rear_axle_force, rear_axle_sideslip
-from luenberger.vehicle.cars import CARS, car_named, carmaker_car, ferrari_250lm, wang_car
+from luenberger.vehicle.cars import CARS, car_named, carmaker_car, ferrari_250lm, gust_car, wang_car
 from luenberger.vehicle.combined_tyres import DugoffTyre, LoadedTyre, MagicFormulaCombined, secant_stiffness
 from luenberger.vehicle.double_track import DoubleTrack
 from luenberger.vehicle.double_track_parameters import DoubleTrackParameters
@@ -38,6 +38,7 @@ from luenberger.vehicle.slip_channels import rate_of_change, slip_angle_channels
 from luenberger.vehicle.stiffness_box import StiffnessBox, axle_forces, stiffness_box
 from luenberger.vehicle.truth import SingleTrack
 from luenberger.vehicle.tyres import BrushTyre, LinearTyre, MagicFormulaTyre, Tyre, brush_tyres, linear_tyres
+from luenberger.vehicle.wind import wind_plant
 
 __all__ = [
     "CARS",
@@ -70,6 +71,7 @@ __all__ = [
     "closed_loop",
     "ferrari_250lm",
     "fishhook",
+    "gust_car",
     "iso_3888_1",
     "iso_3888_2",
     "lateral_speed_from_front_slip",
@@ -92,4 +94,5 @@ __all__ = [
     "step_steer",
     "stiffness_box",
     "wang_car",
+    "wind_plant",
 ]

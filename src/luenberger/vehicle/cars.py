@@ -1,4 +1,4 @@
-"""Three cars from the literature and from recorded logs."""
+"""Cars from the literature and from recorded logs."""
 
 from luenberger.core import BadInput
 from luenberger.core.checks import nearest
@@ -45,7 +45,19 @@ ferrari_250lm = VehicleParameters.stated(
     rear_stiffness=Quantity(94000.0, "N/rad", "linear fit of the log where |ay| < 4 m/s^2, correlation 0.93"),
 )
 
-CARS = {"wang_car": wang_car, "carmaker_car": carmaker_car, "ferrari_250lm": ferrari_250lm}
+_CHOSEN = "chosen for a medium-sized car; Ifqir et al. 2020 print no parameters"
+
+gust_car = VehicleParameters.stated(
+    "medium-sized car",
+    mass=Quantity(1500.0, "kg", _CHOSEN),
+    yaw_inertia=Quantity(2500.0, "kg m^2", _CHOSEN),
+    front_axle_distance=Quantity(1.2, "m", _CHOSEN),
+    rear_axle_distance=Quantity(1.6, "m", _CHOSEN),
+    front_stiffness=Quantity(60000.0, "N/rad", _CHOSEN),
+    rear_stiffness=Quantity(65000.0, "N/rad", _CHOSEN),
+)
+
+CARS = {"gust_car": gust_car, "wang_car": wang_car, "carmaker_car": carmaker_car, "ferrari_250lm": ferrari_250lm}
 
 
 def car_named(name: str) -> VehicleParameters:
