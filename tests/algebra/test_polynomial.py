@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luenberger.algebra import Polynomial
-from luenberger.algebra.polynomial import as_fmpq, fraction, fraction_as_float
+from luenberger.algebra.polynomial import as_fmpq, fraction
 from luenberger.core import BadInput
 
 # The run-time type checker samples containers at random, also where hypothesis builds polynomials; hypothesis seeds it.
@@ -251,7 +251,6 @@ def test_lifting_keeps_a_polynomial_and_reads_lists() -> None:
 def test_rational_conversions() -> None:
     assert fraction(fmpq(2, 6)) == Fraction(1, 3)
     assert fraction(np.float64(0.5)) == Fraction(1, 2)
-    assert fraction_as_float(Fraction(1, 3)) == 1 / 3
     assert as_fmpq(Fraction(-3, 7)) == fmpq(-3, 7)
 
 

@@ -233,18 +233,32 @@ class Polynomial:
             else ((Fraction(1),),) * (wanted[n] + 1)
             for n in self.names
         ]
-        scalar = fraction_as_float if not self._is_exact else as_fmpq
-        return {
-            index: self._weighted(scalar, [axis[i] for axis, i in zip(axes, index, strict=True)])
-            for index in product(*(range(wanted[n] + 1) for n in self.names))
-        }
+        indices = product(*(range(wanted[n] + 1) for n in self.names))
+        if self._is_exact:
+            # Exact sums may be taken in any order, and one axis after the other is cheapest.
+            found, zero = self._axis_by_axis(axes), next(iter(self.terms.values())) * 0
+            return {index: found.get(index, zero) for index in indices}
+        return {i: self._weighted([axis[k] for axis, k in zip(axes, i, strict=True)]) for i in indices}
 
-    def _weighted(self, scalar: Callable[[Fraction], Any], rows: list[tuple[Fraction, ...]]) -> Any:
+    def _axis_by_axis(self, axes: Sequence[tuple[tuple[Fraction, ...], ...]]) -> dict[Exponents, Any]:
+        terms = dict(self.terms)
+        for k, axis in enumerate(axes):
+            turned: dict[Exponents, Any] = {}
+            for e, coefficient in terms.items():
+                for i, row in enumerate(axis):
+                    if row[e[k]]:
+                        key = (*e[:k], i, *e[k + 1 :])
+                        part = coefficient if row[e[k]] == 1 else coefficient * as_fmpq(row[e[k]])
+                        turned[key] = turned[key] + part if key in turned else part
+            terms = turned
+        return terms
+
+    def _weighted(self, rows: list[tuple[Fraction, ...]]) -> Any:
         total = None
         for exponents, coefficient in self.terms.items():
             weight = math.prod((row[e] for row, e in zip(rows, exponents, strict=True)), start=Fraction(1))
             if weight:
-                part = coefficient if weight == 1 else coefficient * scalar(weight)
+                part = coefficient if weight == 1 else coefficient * float(weight)
                 total = part if total is None else total + part
         return next(iter(self.terms.values())) * 0 if total is None else total
 
@@ -292,15 +306,6 @@ def fraction(number: Any) -> Fraction:
     if isinstance(number, float) and not math.isfinite(number):
         raise BadInput(f"{number} is no exact number; interval ends and coefficients need to be finite.")
     return Fraction(number)
-
-
-def fraction_as_float(number: Fraction) -> float:
-    """Round a fraction to the nearest double.
-
-    Args:
-        number: the fraction.
-    """
-    return float(number)
 
 
 def as_fmpq(number: Fraction) -> fmpq:
