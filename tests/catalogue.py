@@ -12,6 +12,7 @@ from luenberger.experiment.published.van_der_pol import tangent_polygon, van_der
 from luenberger.methods import (
     ExtendedLuenberger,
     FullBlockLuenberger,
+    HInfinityGain,
     IntervalLuenberger,
     IntervalWidth,
     KalmanGain,
@@ -20,23 +21,33 @@ from luenberger.methods import (
     LipschitzRiccati,
     Method,
     PolytopicLuenberger,
+    PRadiusGain,
     PrintedTwoDof,
     RobustLuenberger,
+    SegmentGain,
+    SteadyWidth,
     StructuredLipschitz,
     TwoDofLuenberger,
+    UnknownInputGain,
     UnstructuredObserver,
 )
-from luenberger.systems import Nonlinearity, Parameter, System
-from luenberger.vehicle import brush_tyres, carmaker_car, ferrari_250lm, slip_angle_plant, wang_car
+from luenberger.methods.method import SwitchedMethod
+from luenberger.systems import Nonlinearity, Parameter, Switched, System
+from luenberger.systems.discretize import discretize
+from luenberger.vehicle import brush_tyres, carmaker_car, ferrari_250lm, gust_car, slip_angle_plant, wang_car
+from luenberger.vehicle.wind import wind_plant
 
 
 @dataclass(frozen=True)
 class Row:
-    """A method on a plant; how far the initial errors of the laws reach, the amplitude of their inputs, observer options."""
+    """A method on a plant; how far the initial errors of the laws reach, the amplitude of their inputs, observer options.
+
+    Plants with modes, and methods for them, have a table of their own.
+    """
 
     name: str
-    system: Callable[[], System]
-    method: Method
+    system: Callable[[], Any]
+    method: Method | SwitchedMethod
     reach: float = 1.0
     drive: float = 1.0
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)
@@ -122,7 +133,79 @@ def saturating_car(disturbance: bool = False) -> System:
     return slip_angle_plant(car, (16.0, 62.0), (-12.0, 8.0), tyres=tyres, slip_limit=0.1, disturbance=disturbance)
 
 
+def cart() -> System:
+    """A cart every tenth of a second: position measured with noise, pushed by a known force read wrong and by an unknown one."""
+    return System.build(
+        [[1.0, 0.1], [0.0, 0.95]],
+        [[0.005], [0.1]],
+        [[1.0, 0.0]],
+        E=[[0.005], [0.1]],
+        G=[[1.0, 0.0]],
+        N=[[0.0, 1.0]],
+        dt=0.1,
+        disturbance_bound=[0.5],
+        noise_bound=[0.05, 0.1],
+        name="cart",
+    )
+
+
+def swing() -> System:
+    """A swing every half second, both states seen through each other, with feedthrough and two unknown forces."""
+    return System.build(
+        [[0.9, -0.4], [0.4, 0.8]],
+        [[0.0], [1.0]],
+        [[1.0, 0.3], [0.2, 1.0]],
+        [[0.1], [0.0]],
+        E=[[1.0, 0.0], [-0.4, 0.2]],
+        dt=0.5,
+        disturbance_bound=[0.1, 0.3],
+        noise_bound=[0.2, 0.4],
+        name="swing",
+    )
+
+
+def scheduled_swing() -> System:
+    """A swing whose stiffness and damping are scheduled, position measured."""
+    A = Polynomial(
+        ("stiffness", "damping"),
+        {
+            (0, 0): np.array([[1.0, 0.2], [0.0, 1.0]]),
+            (1, 0): np.array([[0.0, 0.0], [-0.2, 0.0]]),
+            (0, 1): np.array([[0.0, 0.0], [0.0, -0.2]]),
+        },
+    )
+    parameters = [Parameter("stiffness", 1.0, 1.5), Parameter("damping", 0.2, 0.5)]
+    return System.lpv(
+        A,
+        [[0.0], [0.2]],
+        [[1.0, 0.0]],
+        parameters=parameters,
+        E=[[0.0], [0.2]],
+        dt=0.2,
+        disturbance_bound=[0.3],
+        noise_bound=[0.1],
+        name="scheduled swing",
+    )
+
+
+def windy_car(speed: tuple[float, float] = (8.0, 18.0)) -> System:
+    """The single track in a side wind, sampled by Euler's method, tyres a tenth uncertain, gyro and steering with errors."""
+    stiffness = ((54e3, 66e3), (58.5e3, 71.5e3))
+    continuous = wind_plant(
+        gust_car, speed, gust_arm=0.4, stiffness=stiffness, yaw_rate_noise=0.005, steering_error=0.01
+    )
+    return discretize(continuous, 0.06, "euler")
+
+
+def gusty_car(dwell: int = 1) -> Switched:
+    """The same car at three speeds, which its speed selects."""
+    plant = windy_car((6.0, 19.9))
+    modes = [plant.freeze(speed=v, inverse_speed=1 / v) for v in (8.5, 13.55, 18.05)]
+    return Switched.of(modes, "speed", (6.0, 11.0, 16.0, 19.9), unit="m/s", dwell=dwell)
+
+
 HALF = {"initial_half_width": (0.1, 0.1)}
+UNIT = {"initial_half_width": (1.0, 1.0)}
 ROWS = (
     Row("polytopic, linear", oscillator, PolytopicLuenberger(decay_rate=1.0)),
     Row("polytopic, scheduled", scheduled_oscillator, PolytopicLuenberger(decay_rate=0.5)),
@@ -167,4 +250,24 @@ ROWS = (
     ),
     Row("two-DOF as printed", lambda: saturating_car(disturbance=True), PrintedTwoDof("l2"), reach=0.01, drive=0.0),
     Row("interval, mismatch", uncertain_car, IntervalLuenberger("mismatch", noise=True), reach=0.1, options=HALF),
+    Row("steady width", cart, SteadyWidth(), options=UNIT),
+    Row("steady width, current output", cart, SteadyWidth(uses="current"), options=UNIT),
+    Row("least segments", swing, SegmentGain(), options=UNIT),
+    Row("least energy gain", cart, HInfinityGain()),
+    Row("P-radius", cart, PRadiusGain()),
+    Row("P-radius, strips one by one", swing, PRadiusGain("current", "one by one"), options=UNIT),
+    Row("Kalman gain, discrete", cart, KalmanGain(np.diag([1e-4, 1e-2]), 1e-3 * np.eye(1))),
+    Row("Kalman gain, discrete and scheduled", scheduled_swing, KalmanGain(np.eye(2), np.eye(1)), options=UNIT),
+)
+WINDY = {"initial_half_width": (0.5, 0.1)}
+SWITCHED_ROWS = (
+    Row("unknown input, three modes", gusty_car, UnknownInputGain(), drive=0.05, options=WINDY),
+    Row(
+        "unknown input, a storage for each mode",
+        lambda: gusty_car(dwell=5),
+        UnknownInputGain(storage="dwell"),
+        drive=0.05,
+        options=WINDY,
+    ),
+    Row("unknown input, scheduled", windy_car, UnknownInputGain(fade=0.4), drive=0.05, options=WINDY),
 )

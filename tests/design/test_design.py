@@ -13,8 +13,8 @@ from luenberger.algebra import Polynomial
 from luenberger.certify import Claim, certify_claims
 from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.design import Design
-from luenberger.methods import PolytopicLuenberger, StructuredLipschitz
-from luenberger.observers import TwoDofObserver
+from luenberger.methods import PolytopicLuenberger, PRadiusGain, SegmentGain, StructuredLipschitz
+from luenberger.observers import CorrectionObserver, TwoDofObserver, ZonotopicLuenberger, ZonotopicStripFilter
 from luenberger.synthesize import synthesize
 from luenberger.systems import MatrixFunction, Nonlinearity, Parameter, System
 
@@ -132,3 +132,93 @@ def test_a_clipped_function_is_known_as_such_from_the_file(tmp_path: Path) -> No
     assert certificate.outcome is Outcome.PROVED
     assert any(line.startswith("The state stays in the box") for line in certificate.assumptions)
     assert any(line.startswith("State and estimate") for line in design.certify().assumptions)
+
+
+DRIVEN = System.build(
+    [[0.9, -0.4], [0.4, 0.8]],
+    [[0.0], [1.0]],
+    [[1.0, 0.3], [0.2, 1.0]],
+    E=[[1.0], [-0.4]],
+    dt=0.5,
+    disturbance_bound=[0.1],
+    noise_bound=[0.2, 0.4],
+    name="driven",
+)
+SETS = {"initial_half_width": [1.0, 2.0]}
+
+
+def test_a_predictor_hands_out_a_set_where_one_is_asked_for() -> None:
+    design = synthesize(DRIVEN, SegmentGain())
+    point, whole = design.observer(0.5), design.observer(**SETS)
+    assert isinstance(point, CorrectionObserver)
+    assert isinstance(whole, ZonotopicLuenberger)
+    assert whole.count == 20
+    np.testing.assert_array_equal(np.asarray(whole.gain({})), np.asarray(design.gain({})))
+    assert whole.init(np.zeros(2)).generators.shape == (2, 20)
+    assert design.observer(0.5, count=7, **SETS).count == 7  # type: ignore[union-attr]
+    with pytest.raises(BadInput, match=r"dt = 0\.5 s"):
+        design.observer(0.1, **SETS)
+    # Five for each state.
+    wide = System.linear(0.5 * np.eye(6), C=np.eye(6), dt=1.0, noise_bound=[1.0] * 6)
+    large = Design(wide, Polynomial.constant(np.zeros((6, 6))), certify_claims(wide, design.gain, []), "by hand")
+    assert large.observer(initial_half_width=np.ones(6)).count == 30  # type: ignore[union-attr]
+
+
+def test_a_filter_hands_out_a_set_cut_by_strips(tmp_path: Path) -> None:
+    design = synthesize(DRIVEN, PRadiusGain("current", "one by one"))
+    assert isinstance(design.observer(), CorrectionObserver)
+    whole = design.observer(0.5, **SETS)
+    assert isinstance(whole, ZonotopicStripFilter)
+    assert whole.strips == "together"
+    K = design.filter_gain
+    assert K is not None
+    # One step by hand: the first guess is corrected by K, and predicted with L = A K.
+    state, estimate = whole.step(whole.init(np.zeros(2)), np.zeros(1), np.array([0.1, -0.2]), np.zeros(0))
+    np.testing.assert_allclose(estimate.x, K({}) @ [0.1, -0.2], rtol=1e-12)
+    np.testing.assert_allclose(state.center, design.gain({}) @ [0.1, -0.2], rtol=1e-12)
+    design.save(tmp_path / "design.json")
+    again = Design.load(tmp_path / "design.json")
+    assert again.certify().outcome is Outcome.PROVED
+    np.testing.assert_array_equal(again.filter_gain({}), K({}))  # type: ignore[misc]
+    assert isinstance(again.observer(**SETS), ZonotopicStripFilter)
+
+
+def test_a_spoiled_filter_gain_is_refused(tmp_path: Path) -> None:
+    design = synthesize(DRIVEN, PRadiusGain("current"))
+    K = design.filter_gain
+    assert K is not None
+    assert design.with_filter_gain(K).certificate.outcome is Outcome.PROVED
+    assert design.with_filter_gain(K * -5.0).certificate.outcome is not Outcome.PROVED
+    design.save(tmp_path / "design.json")
+    data = json.loads((tmp_path / "design.json").read_text())
+    data["filter_gain"]["terms"][0]["coefficient"][0][0] = "3"
+    (tmp_path / "design.json").write_text(json.dumps(data))
+    proofs = {p.claim.kind: p.outcome for p in Design.load(tmp_path / "design.json").certify().proofs}
+    assert proofs["filter_box"] is not Outcome.PROVED
+    assert proofs["steady_box"] is Outcome.PROVED
+    # Another gain for the prediction is another observer, of which the box of the filter says nothing.
+    other = design.with_gain(design.gain)
+    assert other.filter_gain is None
+    outcomes = {p.claim.kind: p.outcome for p in other.certificate.proofs}
+    assert outcomes.pop("filter_box") is Outcome.REFUTED
+    assert set(outcomes.values()) == {Outcome.PROVED}
+
+
+def test_files_from_before_filters_still_load(tmp_path: Path) -> None:
+    design = synthesize(DRIVEN, SegmentGain())
+    design.save(tmp_path / "design.json")
+    data = json.loads((tmp_path / "design.json").read_text())
+    assert data.pop("filter_gain") is None
+    assert data.pop("argument_gain") is None
+    (tmp_path / "design.json").write_text(json.dumps(data))
+    again = Design.load(tmp_path / "design.json")
+    assert again.filter_gain is None
+    assert again.certify().outcome is Outcome.PROVED
+
+
+def test_what_has_no_set_says_so(saved: Path) -> None:
+    with pytest.raises(NotAccepted, match="is continuous"):
+        Design.load(saved).observer(0.01, initial_half_width=np.ones(4))
+    design = synthesize(DRIVEN, SegmentGain())
+    with pytest.raises(NotAccepted, match="another model"):
+        replace(design, model=DRIVEN).observer(**SETS)

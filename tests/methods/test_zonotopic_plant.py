@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from luenberger.core import BadInput, NotAccepted, NotCertified
-from luenberger.methods.zonotopic_plant import DrivenError, fading_storage, no_gain, require_driven
+from luenberger.methods.zonotopic_plant import DrivenError, fading_storage, filter_box, no_gain, require_driven
 from luenberger.systems import System
 
 NOISY: dict[str, object] = {
@@ -47,6 +47,9 @@ def test_the_filter_box_is_the_prediction_cut_by_the_strip() -> None:
     )
     # With noisy inputs one noise is taken for two: never narrower.
     assert (DrivenError.filtered(PLANT).box(K) > cut_box(PLANT, K)).all()
+    for plant in (known, PLANT):
+        np.testing.assert_allclose(filter_box(plant, K), cut_box(plant, K), rtol=1e-12)
+    assert np.isinf(filter_box(PLANT, 30.0 * K)).all()
 
 
 @pytest.mark.parametrize("kind", [DrivenError.of, DrivenError.filtered])

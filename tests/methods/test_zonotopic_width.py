@@ -2,14 +2,13 @@
 
 from itertools import product
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
-from luenberger.certify.claim import Kind
 from luenberger.certify.steady_box import steady_box_verdict
 from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.experiment.published.guaranteed_estimation_problem import stored
@@ -108,12 +107,24 @@ def test_the_designed_box_is_proved_and_a_narrower_one_is_not() -> None:
     assert steady_box_verdict(TURN, spoiled, claim)[1].outcome is not Outcome.PROVED
 
 
-@pytest.mark.skipif("steady_box" not in get_args(Kind), reason="the claim on the steady box is not registered")
 @pytest.mark.parametrize("uses", ["previous", "current"])
-def test_a_design_carries_its_three_claims(uses: str) -> None:
+def test_a_design_carries_its_claims(uses: str) -> None:
     design = synthesize(TURN, SteadyWidth(uses=uses))
-    assert [c.kind for c in design.certificate.claims] == ["decay", "gain_bound", "steady_box"]
+    filtered = ["filter_box"] if uses == "current" else []
+    assert [c.kind for c in design.certificate.claims] == ["decay", "gain_bound", "steady_box", *filtered]
     assert design.certificate.outcome is Outcome.PROVED
+
+
+def test_the_gain_of_the_prediction_is_that_of_the_rounded_filter_gain() -> None:
+    design = synthesize(TURN, SteadyWidth(uses="current"), digits=3)
+    assert design.filter_gain is not None
+    K = np.asarray(design.filter_gain({}))
+    assert all(float(f"{k:.3g}") == k for k in K.flat)
+    np.testing.assert_array_equal(np.asarray(design.gain({})), np.asarray(TURN.at("A")) @ K)
+    # The box that the method minimised is the one that is claimed, up to the three digits.
+    claimed = next(c for c in design.certificate.claims if c.kind == "filter_box")
+    assert np.asarray(claimed.vector).sum() == pytest.approx(design.statistics["optimum"], rel=1e-2)
+    assert np.asarray(claimed.vector).sum() < DrivenError.of(TURN).box(np.asarray(design.gain({}))).sum()
 
 
 def test_a_filter_gain_belongs_to_a_filter() -> None:

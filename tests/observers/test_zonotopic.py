@@ -166,7 +166,11 @@ def test_runs_in_float32_and_under_vmap() -> None:
         ({"dt": None}, NotAccepted, "continuous"),
         ({"noise_bound": None}, BadInput, "a guarantee needs both"),
         ({"disturbance_bound": None}, BadInput, "a guarantee needs both"),
-        ({"parameters": [Parameter("p", -1.0, 1.0, measured=False)]}, NotAccepted, "unmeasured parameters"),
+        (
+            {"C": Polynomial.affine(np.array([[1.0, 0.0]]), q=np.ones((1, 2))), "parameters": UNMEASURED},
+            NotAccepted,
+            "depends on",
+        ),
         ({"noise_bound": [0.0, 0.02]}, BadInput, "noise in every output"),
     ],
 )

@@ -11,9 +11,11 @@ from luenberger.algebra import Polynomial
 from luenberger.certify.claim import ENCLOSURE_KINDS, Claim
 from luenberger.certify.continuum import Verdict
 from luenberger.certify.enclosure import enclosure_verdict
+from luenberger.certify.filter_box import filter_box_verdict
 from luenberger.certify.inequality import claim_verdict
 from luenberger.certify.rational_text import from_text, to_text
 from luenberger.certify.steady_box import steady_box_verdict
+from luenberger.certify.switched_claim import SwitchedClaim
 from luenberger.certify.validity import domain_verdict
 from luenberger.core import Outcome
 from luenberger.systems import Parameter, System
@@ -24,7 +26,7 @@ class Proof:
     """A claim with what came of checking it.
 
     Args:
-        claim: the statement and its witness.
+        claim: the statement and its witness, a `Claim`, or a `SwitchedClaim` of a plant with modes.
         outcome: proved, refuted or undecided.
         margin: proved definiteness margin of the inequality, 0 where none.
         point: where the claim fails (refuted) or the effort ended (undecided).
@@ -33,7 +35,7 @@ class Proof:
         seconds: time the proof took [s]; not part of the text.
     """
 
-    claim: Claim
+    claim: Any
     outcome: Outcome
     margin: float
     point: Mapping[str, float]
@@ -65,8 +67,8 @@ class Certificate:
         return total
 
     @property
-    def claims(self) -> tuple[Claim, ...]:
-        """The claims, proved or not."""
+    def claims(self) -> tuple[Any, ...]:
+        """The claims, proved or not: `Claim`, or `SwitchedClaim` of a plant with modes."""
         return tuple(p.claim for p in self.proofs)
 
     def level(self, kind: str) -> float | None:
@@ -93,7 +95,7 @@ class Certificate:
         """Read what `as_text` wrote; the outcomes are what the file says until `certify` checks them again."""
         proofs = [
             Proof(
-                Claim.from_text(p["claim"]),
+                (SwitchedClaim if p["claim"].get("modes") else Claim).from_text(p["claim"]),
                 Outcome(p["outcome"]),
                 from_text(p["margin"]),
                 p["point"],
@@ -130,6 +132,11 @@ class Certifiable(Protocol):
         ...
 
     @property
+    def filter_gain(self) -> Polynomial | None:
+        """K(r) of a filter with the current output; None for a predictor."""
+        ...
+
+    @property
     def certificate(self) -> Certificate:
         """The claims."""
         ...
@@ -147,7 +154,13 @@ def certify(design: Certifiable, progress: Callable[[str, float], None] | None =
     """
     claims = design.certificate.claims
     return certify_claims(
-        design.system, design.gain, claims, design.model, progress, argument_gain=design.argument_gain
+        design.system,
+        design.gain,
+        claims,
+        design.model,
+        progress,
+        argument_gain=design.argument_gain,
+        filter_gain=design.filter_gain,
     )
 
 
@@ -159,6 +172,7 @@ def certify_claims(
     progress: Callable[[str, float], None] | None = None,
     *,
     argument_gain: Polynomial | None = None,
+    filter_gain: Polynomial | None = None,
 ) -> Certificate:
     """Prove claims about the closed loop of a plant and a gain over the whole box.
 
@@ -172,6 +186,7 @@ def certify_claims(
         model: what the observer copies; None for the plant itself.
         progress: called with what is being proved and the share done.
         argument_gain: L2(r), shape (nx, ny), of an observer with two degrees of freedom; None for zero.
+        filter_gain: K(r), shape (nx, ny), of a filter that uses the current output; None for a predictor.
     """
     start = time.perf_counter()
     proofs: list[Proof] = []
@@ -179,7 +194,7 @@ def certify_claims(
         if progress is not None:
             progress(f"proving {claim.kind}", k / len(claims))
         begin = time.perf_counter()
-        proof = prove(system, gain, claim, model, argument_gain=argument_gain)
+        proof = prove(system, gain, claim, model, argument_gain=argument_gain, filter_gain=filter_gain)
         proofs.append(replace(proof, seconds=time.perf_counter() - begin))
     return Certificate(tuple(proofs), assumptions(system, claims), time.perf_counter() - start)
 
@@ -191,6 +206,7 @@ def prove(
     model: System | None = None,
     *,
     argument_gain: Polynomial | None = None,
+    filter_gain: Polynomial | None = None,
 ) -> Proof:
     """Prove, refute or leave undecided one claim; see `certify_claims`."""
     if refusal := _misfit(system, claim):
@@ -201,6 +217,12 @@ def prove(
         failed, verdict = domain_verdict(system, gain, claim, argument_gain)
     elif claim.kind == "steady_box" and model is None:
         failed, verdict = steady_box_verdict(system, gain, claim)
+    elif claim.kind == "filter_box":
+        if filter_gain is None or model is not None:
+            return Proof(
+                claim, Outcome.REFUTED, 0.0, {}, 0, "The claim is about a filter; the design has no filter gain."
+            )
+        failed, verdict = filter_box_verdict(system, filter_gain, claim)
     else:
         failed, verdict = claim_verdict(system, gain, claim, model, argument_gain=argument_gain)
     reason = _reason(claim, failed, verdict)

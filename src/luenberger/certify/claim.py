@@ -26,6 +26,7 @@ Kind = Literal[
     "argument_gain_bound",
     "domain",
     "steady_box",
+    "filter_box",
     "cooperative",
     "width_decay",
     "width_gain",
@@ -49,6 +50,8 @@ class Claim:
       the argument of f (the estimate, or zeta with an argument gain) inside the domain, stay in that set, and go to zero.
     * steady_box: with disturbance and noise inside their bounds every error of a discrete plant ends in |e_k| <= `vector`_k, and
       what starts in the smallest invariant set stays in that box; `level` is the largest of them, `storage` shows contraction.
+    * filter_box: the same of the error that is left once the current output is used, x - xh - K (y - C xh - D u), with the
+      filter gain K of the design; `storage` shows contraction of A - A K C.
     * cooperative: all entries of T (A(r,q) - L(r) C(r)) T^-1 off the diagonal are >= 0, so that order is kept.
     * width_decay, width_gain: as decay and l2_gain, for the width of the enclosure that an interval observer draws.
     * width: once every width |T x| is below `vector` it stays there, inside the stated bounds.
@@ -66,7 +69,7 @@ class Claim:
         form: which signal a scheduling error multiplies, see `ErrorSystem.of`.
         trace: witness Z of an H2 claim, shape (nz, nz): [P, W'; W, Z] > 0 and trace Z < level.
         transform: coordinates T of an enclosure claim, shape (nx, nx); None for the states themselves.
-        vector: witness of a width claim, or the half widths of a steady box, shape (nx,).
+        vector: witness of a width claim, or the half widths of a steady or filter box, shape (nx,).
         state_bound: |x_k| <= bound that a width claim assumes, shape (nx,), or (nx + nu,) with bounds of the inputs; of a
             domain claim the distance that the state keeps from the faces of the domain, shape (nx,).
 
@@ -97,8 +100,8 @@ class Claim:
             if self.vector is None:
                 raise BadInput("A width claim needs its witness `vector`; nothing could check it.")
             return
-        if self.kind == "steady_box" and self.vector is None:
-            raise BadInput("A steady box needs `vector`, its half widths; nothing could check it.")
+        if self.kind in ("steady_box", "filter_box") and self.vector is None:
+            raise BadInput(f"A {self.kind.replace('_', ' ')} needs `vector`, its half widths; nothing could check it.")
         if self.storage is None:
             raise BadInput(f"The claim `{self.kind}` has no storage matrix; nothing could check it.")
         if isinstance(self.storage, Polynomial):
@@ -121,9 +124,10 @@ class Claim:
             return f"The gain in the argument of f, |L2(r)|, stays below {self.level:.6g} on the whole scheduling box."
         if self.kind == "domain":
             return self._domain_sentence()
-        if self.kind == "steady_box":
+        if self.kind in ("steady_box", "filter_box"):
             box = ", ".join(f"{w:.4g}" for w in np.asarray(self.vector))
-            return f"With disturbance and noise inside their bounds every error ends in |e| <= ({box}), state by state, for good."
+            which = "error" if self.kind == "steady_box" else "error left by the current output"
+            return f"With disturbance and noise inside their bounds every {which} ends in |e| <= ({box}), state by state, for good."
         if self.kind in ("l2_gain", "h2_gain"):
             channels = ("disturbance+noise" if self.inputs == "both" else self.inputs).split("+")
             what = " and ".join(_inputs[c].format(signal="x" if self.form == "plant" else "xhat") for c in channels)

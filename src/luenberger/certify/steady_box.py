@@ -62,17 +62,55 @@ def steady_box_verdict(system: System, gain: Polynomial, claim: Claim, *, steps:
     if not isinstance(P, np.ndarray):
         raise NotAccepted("A steady box needs a constant storage matrix as its witness; the claim has none.")
     require_bounded(system)
+    error = ErrorSystem.of(system, gain, exact_lift)
+    sides = ((error.disturbance, system.disturbance_bound), (error.noise, system.noise_bound))
+    drive = np.hstack([_value(side) * exact(np.asarray(bound or (), dtype=float)) for side, bound in sides])
+    return driven_box_verdict(Driven(_value(error.A), drive), claim, system.states, steps)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What is looked at of a driven error: z = T e + D s' with e+ = F e + M s, |s_j| <= 1, |s'_j| <= 1, in exact rationals.
+
+    Args:
+        loop: F, (nx, nx).
+        drive: M, (nx, ns).
+        seen: T, (nx, nx); None for the error itself.
+        direct: D, (nx, n), one column for each s' that no s is; None for none.
+    """
+
+    loop: np.ndarray
+    drive: np.ndarray
+    seen: np.ndarray | None = None
+    direct: np.ndarray | None = None
+
+
+def driven_box_verdict(
+    driven: Driven, claim: Claim, names: tuple[str, ...], steps: int, what: str = "steady_box"
+) -> tuple[str, Verdict]:
+    """Decide whether z ends in the box of a claim; see `steady_box_verdict`.
+
+    Args:
+        driven: loop and generators.
+        claim: with `vector`, `level` and a constant `storage` of e.
+        names: of the entries of z.
+        steps: largest number of terms to add.
+        what: name of the condition where the box itself fails.
+
+    Raises:
+        BadInput: a vector of the wrong length.
+    """
     box = exact(np.asarray(claim.vector, dtype=float).reshape(-1))
-    if box.shape != (system.nx,):
-        raise BadInput(f"`vector` has {box.size} entries; a box of {system.nx} states needs one for each.")
+    if box.shape != (len(names),):
+        raise BadInput(f"`vector` has {box.size} entries; a box of {len(names)} states needs one for each.")
     if max(box) > exact(claim.level)[()] or min(box) <= 0:
         return "vector", Verdict(Outcome.REFUTED, 0.0, {}, 0)
-    error = ErrorSystem.of(system, gain, exact_lift)
-    failed, verdict, rho = _contraction(error, exact(P))
+    P = exact(np.asarray(claim.storage))
+    failed, verdict, rho = _contraction(driven.loop, P)
     if rho is None:
         return failed, verdict
-    total = _Sum.of(error, system, exact(P), rho)
-    return _decided(total, box, system.states, steps)
+    failed, verdict = _decided(_Sum.of(driven, P, rho), box, names, steps)
+    return what * bool(failed), verdict
 
 
 def require_bounded(system: System) -> None:
@@ -97,21 +135,22 @@ def require_bounded(system: System) -> None:
         )
 
 
-def _contraction(error: ErrorSystem, P: np.ndarray) -> tuple[str, Verdict, fmpq | None]:
+def _contraction(loop: np.ndarray, P: np.ndarray) -> tuple[str, Verdict, fmpq | None]:
     """A proved factor rho < 1 with F' P F < rho^2 P, or None with what failed."""
     verdict = negative_definite(Polynomial.constant(-P), {})
     if verdict.outcome is not Outcome.PROVED:
         return "storage", verdict, None
-    verdict = negative_definite(error.dissipation(P, rate=fmpq(1)), {})
+    mapped = loop.T @ P @ loop
+    verdict = negative_definite(Polynomial.constant(mapped - P), {})
     if verdict.outcome is not Outcome.PROVED:
         return "contraction", verdict, None
-    F, storage = _floats(_value(error.A)), _floats(P)
+    F, storage = _floats(loop), _floats(P)
     R = np.linalg.cholesky(storage).T
     estimate = min(float(np.linalg.norm(R @ F @ np.linalg.inv(R), 2)), 1.0)
     for part in _ROOM:
         rho = fmpq(exact(estimate + part * (1 - estimate)).item())
         if rho < 1:
-            verdict = negative_definite(error.dissipation(P, rate=rho), {})
+            verdict = negative_definite(Polynomial.constant(mapped - P * (rho * rho)), {})
             if verdict.outcome is Outcome.PROVED:
                 return "", verdict, rho
     return "contraction", Verdict(Outcome.UNDECIDED, 0.0, {}, len(_ROOM)), None
@@ -121,7 +160,7 @@ def _contraction(error: ErrorSystem, P: np.ndarray) -> tuple[str, Verdict, fmpq 
 class _Sum:
     """Terms of w added so far, in units of a grid, and the column at which it stands."""
 
-    F: np.ndarray
+    driven: Driven
     P: np.ndarray
     columns: np.ndarray
     added: np.ndarray
@@ -131,22 +170,24 @@ class _Sum:
     roundings: int = 1
 
     @staticmethod
-    def of(error: ErrorSystem, system: System, P: np.ndarray, rho: fmpq) -> "_Sum":
-        sides = ((error.disturbance, system.disturbance_bound), (error.noise, system.noise_bound))
-        M = np.hstack([_value(side) * exact(np.asarray(bound or (), dtype=float)) for side, bound in sides])
+    def of(driven: Driven, P: np.ndarray, rho: fmpq) -> "_Sum":
+        M, n = driven.drive, len(P)
         largest = max((abs(x) for x in M.flat), default=fmpq(0)) or fmpq(1)
         grid = largest / fmpq(2**_BITS)
-        n = len(P)
-        inverse = fmpq_mat(n, n, list(P.flat)).inv()
-        reach = [_root(inverse[i, i]) / (1 - rho) for i in range(n)]
+        inverse = np.array(fmpq_mat(n, n, list(P.flat)).inv().tolist(), dtype=object)
+        spread = inverse if driven.seen is None else driven.seen @ inverse @ driven.seen.T
+        reach = [_root(spread[i, i]) / (1 - rho) for i in range(n)]
         # A cut of less than one unit in each of n entries is no longer than sqrt(n trace P) units in the norm of P.
         cut = _root(n * sum(P.diagonal(), fmpq(0))) * grid * M.shape[1]
-        start = _floor(M / grid)
-        return _Sum(_value(error.A), P, start, np.array([fmpq(0)] * n, dtype=object), grid, reach, cut)
+        added = np.array([fmpq(0)] * n, dtype=object)
+        if driven.direct is not None:
+            added = added + abs(driven.direct).sum(axis=1) / grid
+        return _Sum(driven, P, _floor(M / grid), added, grid, reach, cut)
 
     def advance(self) -> None:
-        self.added = self.added + abs(self.columns).sum(axis=1)
-        self.columns = _floor(self.F @ self.columns)
+        shown = self.columns if self.driven.seen is None else self.driven.seen @ self.columns
+        self.added = self.added + abs(shown).sum(axis=1)
+        self.columns = _floor(self.driven.loop @ self.columns)
         self.roundings += 1
 
     def bounds(self) -> tuple[list[fmpq], list[fmpq]]:

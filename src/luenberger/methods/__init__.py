@@ -12,19 +12,20 @@ from luenberger.methods.lipschitz_gain import disturbance_bound, disturbance_gai
 from luenberger.methods.lipschitz_margin import margin_at, quadratic_storage, stability_margin, thau_bound
 from luenberger.methods.lipschitz_pareto import LipschitzPareto
 from luenberger.methods.lipschitz_riccati import LipschitzRiccati
-from luenberger.methods.method import Candidate, Method
+from luenberger.methods.method import Candidate, Method, SwitchedCandidate, SwitchedMethod
 from luenberger.methods.polytopic import PolytopicLuenberger
 from luenberger.methods.printed_two_dof import PrintedTwoDof
 from luenberger.methods.robust_bound import gamma_star
 from luenberger.methods.robust_luenberger import RobustLuenberger
 from luenberger.methods.structured_lipschitz import StructuredLipschitz
 from luenberger.methods.two_dof import TwoDofLuenberger
+from luenberger.methods.unknown_input import UnknownInputGain
 from luenberger.methods.unstructured import UnstructuredObserver
 from luenberger.methods.zonotopic_energy import HInfinityGain, SegmentGain
 from luenberger.methods.zonotopic_radius import PRadiusGain
 from luenberger.methods.zonotopic_width import SteadyWidth
 
-METHODS: dict[str, type[Method]] = {
+METHODS: dict[str, type[Method] | type[SwitchedMethod]] = {
     method.__name__: method
     for method in (
         PolytopicLuenberger,
@@ -45,6 +46,7 @@ METHODS: dict[str, type[Method]] = {
         SegmentGain,
         HInfinityGain,
         PRadiusGain,
+        UnknownInputGain,
     )
 }
 
@@ -72,7 +74,10 @@ __all__ = [
     "SegmentGain",
     "SteadyWidth",
     "StructuredLipschitz",
+    "SwitchedCandidate",
+    "SwitchedMethod",
     "TwoDofLuenberger",
+    "UnknownInputGain",
     "UnstructuredObserver",
     "disturbance_bound",
     "disturbance_gain",

@@ -8,10 +8,10 @@ import cvxpy as cp
 import numpy as np
 
 from luenberger.algebra import Polynomial, symmetric
-from luenberger.certify import Claim
+from luenberger.certify import Claim, SwitchedClaim
 from luenberger.core import NotAccepted
 from luenberger.lmi import Block, Problem, Solution, centre, infeasible, nearest_level
-from luenberger.systems import System
+from luenberger.systems import Switched, System
 from luenberger.systems.matrix import MatrixFunction
 
 # Squared gain norm [1/s^2] below which a smaller gain is no use: a plant that needs no correction still gets room to be proved.
@@ -30,6 +30,8 @@ class Candidate:
         model: what the observer copies where that is not the plant; its A and B are rounded as the gain is.
         argument_gain: L2(r) of an observer with two degrees of freedom, rounded too; None where f is evaluated at the
             estimate itself.
+        filter_gain: K(r) of a filter that uses the current output, for all outputs at once. It is rounded in place of `gain`, which
+            becomes A K, and `claims` takes it beside the gain; None for a predictor.
     """
 
     gain: Polynomial
@@ -37,6 +39,48 @@ class Candidate:
     statistics: Mapping[str, Any] = field(default_factory=dict)
     model: System | None = None
     argument_gain: Polynomial | None = None
+    filter_gain: Polynomial | None = None
+
+
+@dataclass(frozen=True)
+class SwitchedCandidate:
+    """What a method for switched plants hands to `synthesize`: gains of every mode that nobody has checked yet.
+
+    Args:
+        gains: K_i(r) with full digits; they are rounded before anything is claimed.
+        decoupling: H_i with full digits, kept as they are: rounding them would let the unknown input in.
+        claims: takes the rounded gains and the decoupling, returns the claims with witnesses.
+        statistics: solver, times [s], optimum; plain JSON values.
+    """
+
+    gains: tuple[Polynomial, ...]
+    decoupling: tuple[Polynomial, ...]
+    claims: Callable[[Sequence[Polynomial], Sequence[Polynomial]], Sequence[SwitchedClaim]]
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+
+@runtime_checkable
+class SwitchedMethod(Protocol):
+    """A design for plants with modes; a plant without is one with a single mode."""
+
+    takes_modes: ClassVar[bool]
+    references: ClassVar[tuple[str, ...]]
+
+    def accept(self, system: Switched) -> None:
+        """Refuse plants the theorem does not cover, before any solver runs; see `Method`.
+
+        Args:
+            system: the plant.
+        """
+        ...
+
+    def design(self, system: Switched) -> SwitchedCandidate:
+        """Find the gains; see `Method`.
+
+        Args:
+            system: an accepted plant.
+        """
+        ...
 
 
 @runtime_checkable

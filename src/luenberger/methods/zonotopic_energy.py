@@ -1,13 +1,13 @@
 """Constant gains for guaranteed estimates by a matrix inequality: least segments (Nom-G) and least energy gain (Hinf-G)."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import cvxpy as cp
 import numpy as np
 
 from luenberger.algebra import Polynomial, symmetric
-from luenberger.certify import Claim
 from luenberger.lmi import Block, Problem, centre, infeasible
 from luenberger.methods.method import Candidate, statistics
 from luenberger.methods.zonotopic_plant import DrivenError, require_driven, steady_claims
@@ -124,8 +124,4 @@ def _candidate(system: System, problem: Problem) -> Candidate:
         raise infeasible(problem, "", None, "", None)
     L = np.linalg.solve(found.values["P"], found.values["Y"])
     facts: dict[str, Any] = statistics(found) | {"box": DrivenError.of(system).box(L).tolist()}
-
-    def claims(rounded: Polynomial) -> list[Claim]:
-        return steady_claims(system, rounded)
-
-    return Candidate(Polynomial.constant(L), claims, facts)
+    return Candidate(Polynomial.constant(L), partial(steady_claims, system), facts)

@@ -1,12 +1,14 @@
 """What the designs for guaranteed estimates share: the driven error of a discrete plant, its steady box, and the claims on it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are, solve_discrete_lyapunov
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
+from luenberger.certify.claim import Kind
 from luenberger.certify.steady_box import require_bounded
 from luenberger.core import NotAccepted, NotCertified
 from luenberger.lmi import rounded_storage
@@ -169,12 +171,13 @@ def require_driven(system: System) -> None:
     require_detectable(system)
 
 
-def steady_claims(system: System, gain: Polynomial) -> list[Claim]:
+def steady_claims(system: System, gain: Polynomial, filter_gain: Polynomial | None = None) -> list[Claim]:
     """Return the claims on decay, on |L| and on the steady box of a rounded gain, with their witnesses.
 
     Args:
         system: accepted plant.
         gain: constant L.
+        filter_gain: constant K of a filter, L = A K; its own box is claimed too.
 
     Raises:
         NotCertified: the loop does not contract enough to show it.
@@ -182,13 +185,37 @@ def steady_claims(system: System, gain: Polynomial) -> list[Claim]:
     error = DrivenError.of(system)
     L = np.asarray(gain({}), dtype=float)
     level, storage = fading_storage(error.loop(L), system.name)
-    box = error.box(L)
-    claimed = box * (1 + ROOM) + 1e-9 * (box.max() or 1.0)
-    return [
+    claims = [
         Claim("decay", level, storage),
         gain_bound(system, gain),
-        Claim("steady_box", float(claimed.max()), storage, vector=claimed),
+        _box_claim("steady_box", error.box(L), storage),
     ]
+    if filter_gain is not None:
+        claims.append(_box_claim("filter_box", filter_box(system, filter_gain({})), storage))
+    return claims
+
+
+def filter_box(system: System, filter_gain: Any) -> np.ndarray:
+    """Return the half widths, (nx,), of what the current output leaves of the steady error; infinite without a stable loop.
+
+    Where inputs are noisy this is narrower than `DrivenError.filtered` has it.
+
+    Args:
+        system: accepted plant.
+        filter_gain: K, (nx, ny).
+    """
+    K, error = np.asarray(filter_gain, dtype=float), DrivenError.of(system)
+    L = error.A @ K
+    if not error.radius(L) < 1:
+        return np.full(system.nx, np.inf)
+    left = np.eye(system.nx) - K @ error.C
+    # The noise of the outputs in units of its bounds is what the gain is driven by.
+    return np.abs(left @ np.array(error.terms(L))).sum(axis=(0, 2)) + np.abs(K @ error.seen).sum(axis=1)
+
+
+def _box_claim(kind: Kind, box: np.ndarray, storage: np.ndarray) -> Claim:
+    claimed = box * (1 + ROOM) + 1e-9 * (box.max() or 1.0)
+    return Claim(kind, float(claimed.max()), storage, vector=claimed)
 
 
 def no_gain(system: System, what: str) -> NotAccepted:

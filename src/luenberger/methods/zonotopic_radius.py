@@ -1,13 +1,13 @@
 """Constant gains by the P-radius of the set of errors: predictors (PRad-E) and intersections with strips (PRad-A, PRad-C)."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import cvxpy as cp
 import numpy as np
 
 from luenberger.algebra import Polynomial, symmetric
-from luenberger.certify import Claim
 from luenberger.core import BadInput, NotAccepted
 from luenberger.lmi import Block, Problem, Solution, centre, infeasible, solve
 from luenberger.methods.method import Candidate, statistics
@@ -29,8 +29,8 @@ BACK_OFF = 0.005
 class PRadiusGain:
     """Constant gain that makes the ellipsoid around all steady errors small; CORA's classes PRad-A, PRad-C and PRad-E.
 
-    Choose it for a published gain with a proved contraction. `SteadyWidth` finds narrower boxes for predictors; for filters with
-    the current measurement hand `filter_gain` to `ZonotopicStripFilter`.
+    Choose it for a published gain with a proved contraction. `SteadyWidth` finds narrower boxes. With the current measurement the
+    design carries one filter gain for all strips together; strips taken one by one are the same with their product.
 
     Assumes: x+ = A x + B u + E d, y = C x + D u + G v, u measured as u + N v, constant matrices, |d| <= disturbance_bound,
     |v| <= noise_bound.
@@ -84,13 +84,12 @@ class PRadiusGain:
         """Search the contraction; see `Method`."""
         found, contractions = self._found(system)
         facts: dict[str, Any] = statistics(found[0]) | {"contraction": contractions}
-        gains = np.hstack([_gain(f) for f in found])
-        L = gains if self.uses == "previous" else np.asarray(system.at("A")) @ self._joined(system, gains)
-
-        def claims(rounded: Polynomial) -> list[Claim]:
-            return steady_claims(system, rounded)
-
-        return Candidate(Polynomial.constant(L), claims, facts)
+        gains, claims = np.hstack([_gain(f) for f in found]), partial(steady_claims, system)
+        if self.uses == "previous":
+            return Candidate(Polynomial.constant(gains), claims, facts)
+        K = self._joined(system, gains)
+        L = np.asarray(system.at("A")) @ K
+        return Candidate(Polynomial.constant(L), claims, facts, filter_gain=Polynomial.constant(K))
 
     def filter_gain(self, system: System) -> np.ndarray:
         """Return K, shape (nx, ny), for `ZonotopicStripFilter`; its columns belong to strips taken as `strips` says.

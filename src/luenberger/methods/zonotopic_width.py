@@ -10,7 +10,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from luenberger.algebra import Polynomial
-from luenberger.certify import Claim
 from luenberger.core import BadInput, NotAccepted
 from luenberger.methods.method import Candidate
 from luenberger.methods.zonotopic_plant import DrivenError, no_gain, require_driven, steady_claims
@@ -35,7 +34,8 @@ class SteadyWidth:
     Assumes: x+ = A x + B u + E d, y = C x + D u + G v, u measured as u + N v, constant matrices, |d| <= disturbance_bound,
     |v| <= noise_bound.
     Certifies: every error ends in the reported box, and stays in it once in the smallest invariant set (steady_box);
-    e' P e falls by the square of the reported factor a step without disturbance and noise; |L| <= the reported bound.
+    e' P e falls by the square of the reported factor a step without disturbance and noise; |L| <= the reported bound. With the
+    current measurement also where every error ends that it leaves (filter_box).
 
     The half widths of the exact steady set are w(L) = sum over k of |(A - L C)^k [E dbar, -(B N + L (G - D N)) vbar]| 1. They
     are neither smooth nor convex in L, so the search starts from several Kalman gains, follows the gradient, and ends with a
@@ -46,8 +46,8 @@ class SteadyWidth:
             different units want weights.
         measure: "sum" of the weighted half widths, which lets every state count, or "largest" of them.
         uses: "previous" for a predictor with y up to the last sample; "current" for a filter that cuts the prediction by the strips
-            of the current y: then the box after the cut is minimised, `filter_gain` goes into `ZonotopicStripFilter`, and the
-            claims are about the prediction, with L = A K.
+            of the current y: then the box after the cut is minimised, the design carries the filter gain K, and its other claims
+            are about the prediction, with L = A K.
 
     Reference: the steady set is that of I. Kolmanovsky, E. Gilbert, Math. Probl. Eng. 4 (1998) 317-367; minimising its box
     over the gain directly is ours. The set that runs with the gain: C. Combastel, Automatica 55 (2015) 265-273, section 3.
@@ -99,12 +99,11 @@ class SteadyWidth:
             "optimum": self.cost(system, found),
             "kalman": None if known is None else self.cost(system, known),
         }
-        L = found if self.uses == "previous" else np.asarray(system.at("A")) @ found
-
-        def claims(rounded: Polynomial) -> list[Claim]:
-            return steady_claims(system, rounded)
-
-        return Candidate(Polynomial.constant(L), claims, facts)
+        claims = partial(steady_claims, system)
+        if self.uses == "previous":
+            return Candidate(Polynomial.constant(found), claims, facts)
+        L = np.asarray(system.at("A")) @ found
+        return Candidate(Polynomial.constant(L), claims, facts, filter_gain=Polynomial.constant(found))
 
     def best(self, system: System) -> np.ndarray:
         """Return the gain, shape (nx, ny), L or with the current measurement K, with full digits and nothing proved.

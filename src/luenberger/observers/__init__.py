@@ -8,6 +8,7 @@ from luenberger.observers.kalman import ExtendedKalmanFilter, KalmanFilter
 from luenberger.observers.monitor import Assumption, Drive, Sector, Violation, explain, monitor
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.two_dof import TwoDofObserver
+from luenberger.observers.unknown_input import UnknownInputObserver
 from luenberger.observers.unscented import UnscentedKalmanFilter
 from luenberger.observers.zonotopic import (
     ZonotopicFilter,
@@ -30,6 +31,7 @@ __all__ = [
     "Observer",
     "Sector",
     "TwoDofObserver",
+    "UnknownInputObserver",
     "UnscentedKalmanFilter",
     "Violation",
     "ZonotopicFilter",

@@ -7,11 +7,13 @@ with u measured as u + N v. With a gain L the error e = x - xh of the copy of th
     e+ = (A - L C) e + E d - (B N + L (G - D N)) v,
 
 so it stays in a zonotope whose generators are mapped, joined by those of d and v, and reduced to a fixed number. The set is
-exact but for that reduction, whatever the gain; the gain only decides how wide it is.
+exact but for that reduction, whatever the gain; the gain only decides how wide it is. What of A, B and E nobody knows adds one
+generator for each cause, as long as it can be for the states in the set of that sample, so the width follows the drive. That is
+an induction: the state in its set now bounds the push now, hence the state at the next sample.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -20,62 +22,100 @@ import jax.numpy as jnp
 import numpy as np
 
 from luenberger.algebra import Polynomial
-from luenberger.core import BadInput, NotAccepted
+from luenberger.core import BadInput
 from luenberger.core.checks import finite_array
-from luenberger.observers.correction import checked_gain
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.plant import Fixed, sample_time
 from luenberger.observers.small_matrix import product, solve_positive, symmetrised
-from luenberger.sets import Zonotope, girard
+from luenberger.observers.zonotopic_plant import (
+    Factors,
+    bounded,
+    checked_gains,
+    factors_of,
+    gain_at,
+    matrices,
+    pushed,
+    require_noise,
+)
+from luenberger.sets import Interval, Zonotope, girard
+from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
 
 Reduction = Callable[[jax.Array, int], jax.Array]
 
 
 class ZonotopicObserver(Observer):
-    """What all set-valued observers of a linear or scheduled plant share.
+    """What all set-valued observers of a linear, scheduled or switched plant share.
 
     `Estimate.x` is the center of the set, `lower` and `upper` its box. The state is a `Zonotope` with a fixed number of
-    generators, so a run compiles once.
+    generators, so a run compiles once. Unmeasured parameters, and scheduling measured with error, widen the set by what they
+    can do to the states in it.
 
-    Assumes: the initial state lies in the initial set, |d| and |v| within their bounds at every sample, the plant exact.
+    Assumes: the initial state lies in the initial set, |d| and |v| within their bounds and the parameters within theirs at every
+        sample, whether they stay or move; the mode known; the state within `state_bound` where that is given.
 
     Args:
-        system: discrete plant, linear or scheduled, with `noise_bound`, and `disturbance_bound` where it has an E.
+        system: discrete plant, linear or scheduled, with `noise_bound`, and `disturbance_bound` where it has an E; or a `Switched`
+            plant.
         initial_half_width: half widths of the box around the first guess that holds the initial state, shape (nx,).
         count: generators kept, at least nx; five times nx and more is advised.
         reduction: `girard` (default), `combastel` or `pca`.
+        state_bound: half widths of a box about zero that the state is known never to leave, shape (nx,), infinite where there is
+            none. It only bounds what uncertain factors can do; without uncertainty it changes nothing.
 
     Raises:
-        NotAccepted: a continuous plant, a nonlinearity, unmeasured parameters or a scheduling measured with error.
+        NotAccepted: a continuous plant, a nonlinearity, or outputs or noise that depend on what nobody knows exactly.
         BadInput: missing bounds, half widths that are negative or of the wrong length, or `count` below nx.
     """
 
     dt: float = eqx.field(static=True)
-    plant: Fixed[System] = eqx.field(static=True)
+    plant: Fixed[System | Switched] = eqx.field(static=True)
+    factors: Fixed[Factors | None] = eqx.field(static=True)
     initial_half_width: np.ndarray
+    state_bound: np.ndarray | None
     count: int = eqx.field(static=True)
     reduction: Reduction = eqx.field(static=True)
 
-    def __init__(self, system: System, *, initial_half_width: Any, count: int, reduction: Reduction = girard):
-        _require_bounded(system)
+    def __init__(
+        self,
+        system: System | Switched | Sequence[System],
+        *,
+        initial_half_width: Any,
+        count: int,
+        reduction: Reduction = girard,
+        state_bound: Any = None,
+    ):
+        plant = bounded(system)
+        first = Switched.of(plant).first
         half = finite_array("initial_half_width", initial_half_width)
-        if half.shape != (system.nx,) or (half < 0).any():
+        if half.shape != (first.nx,) or (half < 0).any():
             raise BadInput(
-                f"`initial_half_width` is {half.tolist()}; {system.nx} numbers >= 0 are needed, one for each state."
+                f"`initial_half_width` is {half.tolist()}; {first.nx} numbers >= 0 are needed, one for each state."
             )
-        if count < system.nx:
-            raise BadInput(f"`count` is {count}; at least one generator for each of the {system.nx} states is needed.")
-        self.dt = sample_time(system, None)
-        self.plant = Fixed(system)
+        limit = None if state_bound is None else np.asarray(state_bound, dtype=float)
+        if limit is not None and (limit.shape != (first.nx,) or not (limit >= 0).all()):
+            raise BadInput(
+                f"`state_bound` is {limit.tolist()}; {first.nx} numbers >= 0 are needed, one for each state."
+            )
+        if count < first.nx:
+            raise BadInput(f"`count` is {count}; at least one generator for each of the {first.nx} states is needed.")
+        self.dt = sample_time(first, None)
+        self.plant = Fixed(plant)
+        self.factors = Fixed(factors_of(plant))
         self.initial_half_width = half
+        self.state_bound = limit
         self.count = count
         self.reduction = reduction
 
     @property
+    def first(self) -> System:
+        """The plant, or its first mode, for all that the modes share."""
+        return Switched.of(self.plant.value).first
+
+    @property
     def states(self) -> tuple[str, ...]:
         """Names of the estimated states."""
-        return self.plant.value.states
+        return self.first.states
 
     def init(self, x0: Any) -> Zonotope:
         """Return the start set: the first guess with the initial half widths, or a zonotope as given.
@@ -86,7 +126,7 @@ class ZonotopicObserver(Observer):
         Raises:
             BadInput: wrong dimension, or too many generators.
         """
-        nx = self.plant.value.nx
+        nx = self.first.nx
         if not isinstance(x0, Zonotope):
             x = jnp.asarray(x0)
             x0 = Zonotope(x, jnp.diag(jnp.asarray(self.initial_half_width, x.dtype)))
@@ -103,20 +143,34 @@ class ZonotopicObserver(Observer):
         dtype = state.center.dtype
         plant = self.plant.cast(dtype)
         u, y, r = (jnp.asarray(signal, dtype) for signal in (u, y, r))
-        at = {letter: jnp.asarray(plant.at(letter, r), dtype) for letter in "ABCDEGN"}
-        noise = jnp.asarray(plant.noise_bound, dtype)
+        at = matrices(plant, r)
+        noise = jnp.asarray(self.first.noise_bound, dtype)
         seen = (at["G"] - product(at["D"], at["N"])) * noise
         innovation = y - product(at["C"], state.center) - product(at["D"], u)
         L, shown = self._gain(state, innovation, at, seen, r)
+        box = shown.interval()
         center = product(at["A"], state.center) + product(at["B"], u) + product(L, innovation)
         columns = [
             product(at["A"] - product(L, at["C"]), state.generators),
-            at["E"] * jnp.asarray(plant.disturbance_bound or (), dtype),
+            at["E"] * jnp.asarray(self.first.disturbance_bound or (), dtype),
             -product(at["B"], at["N"]) * noise - product(L, seen),
         ]
+        factors = self.factors.cast(dtype)
+        if factors is not None:
+            where = self._within(box, state.interval())
+            columns.append(pushed(plant, factors, r, where, u, product(jnp.abs(at["N"]), noise)))
         wide = Zonotope(center, jnp.concatenate(columns, axis=1))
-        box = shown.interval()
         return wide.reduce(self.count, self.reduction), Estimate(shown.center, lower=box.lower, upper=box.upper)
+
+    def _within(self, box: Interval, predicted: Interval) -> Interval:
+        """Where the state is at this sample: in both boxes, and in the one that it never leaves."""
+        found = box.intersection(predicted)
+        if self.state_bound is not None:
+            limit = jnp.asarray(self.state_bound, found.lower.dtype)
+            found = found.intersection(Interval(-limit, limit))
+        # Boxes that do not meet tell of a broken assumption or of rounding; nothing may be concluded from them.
+        meets = found.lower <= found.upper
+        return Interval(jnp.where(meets, found.lower, box.lower), jnp.where(meets, found.upper, box.upper))
 
     @abstractmethod
     def _gain(
@@ -133,10 +187,11 @@ class ZonotopicLuenberger(ZonotopicObserver):
 
     Args:
         system: see `ZonotopicObserver`.
-        gain: L(r), shape (nx, ny): nested numbers or `Polynomial` in the scheduling parameters.
+        gain: L(r), shape (nx, ny): nested numbers or `Polynomial` in the scheduling parameters; with modes a sequence of them.
         initial_half_width: see `ZonotopicObserver`.
         count: see `ZonotopicObserver`.
         reduction: see `ZonotopicObserver`.
+        state_bound: see `ZonotopicObserver`.
 
     Raises:
         BadInput: gain of the wrong shape or with unknown parameters; see `ZonotopicObserver`.
@@ -144,19 +199,27 @@ class ZonotopicLuenberger(ZonotopicObserver):
     Reference: C. Combastel, Zonotopes and Kalman observers, Automatica 55 (2015) 265-273, section 3.
     """
 
-    gain: Polynomial
+    gain: Polynomial | tuple[Polynomial, ...]
 
     def __init__(
-        self, system: System, gain: Any, *, initial_half_width: Any, count: int, reduction: Reduction = girard
+        self,
+        system: System | Switched | Sequence[System],
+        gain: Any,
+        *,
+        initial_half_width: Any,
+        count: int,
+        reduction: Reduction = girard,
+        state_bound: Any = None,
     ):
-        super().__init__(system, initial_half_width=initial_half_width, count=count, reduction=reduction)
-        self.gain = checked_gain(system, gain)
+        super().__init__(
+            system, initial_half_width=initial_half_width, count=count, reduction=reduction, state_bound=state_bound
+        )
+        self.gain = checked_gains(self.plant.value, gain)
 
     def _gain(
         self, state: Zonotope, innovation: jax.Array, at: dict[str, jax.Array], seen: jax.Array, r: jax.Array
     ) -> tuple[jax.Array, Zonotope]:
-        values = {name: r[k] for k, name in enumerate(self.plant.value.scheduling_names)}
-        return jnp.asarray(self.gain.map(lambda c: jnp.asarray(c, seen.dtype))(values)), state
+        return gain_at(self.plant.value, self.gain, r), state
 
 
 class ZonotopicKalmanFilter(ZonotopicObserver):
@@ -177,9 +240,19 @@ class ZonotopicKalmanFilter(ZonotopicObserver):
         convergence, Automatica 55 (2015) 265-273, theorem 5.
     """
 
-    def __init__(self, system: System, *, initial_half_width: Any, count: int, reduction: Reduction = girard):
-        super().__init__(system, initial_half_width=initial_half_width, count=count, reduction=reduction)
-        _require_noise(system)
+    def __init__(
+        self,
+        system: System | Switched | Sequence[System],
+        *,
+        initial_half_width: Any,
+        count: int,
+        reduction: Reduction = girard,
+        state_bound: Any = None,
+    ):
+        super().__init__(
+            system, initial_half_width=initial_half_width, count=count, reduction=reduction, state_bound=state_bound
+        )
+        require_noise(self.plant.value)
 
     def _gain(
         self, state: Zonotope, innovation: jax.Array, at: dict[str, jax.Array], seen: jax.Array, r: jax.Array
@@ -201,9 +274,19 @@ class ZonotopicFilter(ZonotopicObserver):
         section 6 (segment minimisation), with the gain of C. Combastel, Automatica 55 (2015) 265-273.
     """
 
-    def __init__(self, system: System, *, initial_half_width: Any, count: int, reduction: Reduction = girard):
-        super().__init__(system, initial_half_width=initial_half_width, count=count, reduction=reduction)
-        _require_noise(system)
+    def __init__(
+        self,
+        system: System | Switched | Sequence[System],
+        *,
+        initial_half_width: Any,
+        count: int,
+        reduction: Reduction = girard,
+        state_bound: Any = None,
+    ):
+        super().__init__(
+            system, initial_half_width=initial_half_width, count=count, reduction=reduction, state_bound=state_bound
+        )
+        require_noise(self.plant.value)
 
     def _gain(
         self, state: Zonotope, innovation: jax.Array, at: dict[str, jax.Array], seen: jax.Array, r: jax.Array
@@ -219,32 +302,3 @@ def _kalman(G: jax.Array, C: jax.Array, seen: jax.Array) -> jax.Array:
     mapped = product(C, G)
     innovation = symmetrised(product(mapped, mapped.T) + product(seen, seen.T))
     return solve_positive(innovation, product(mapped, G.T)).T
-
-
-def _require_bounded(system: System) -> None:
-    if system.dt is None:
-        raise NotAccepted(
-            f"`{system.name}` is continuous; a set of sampled states needs a discrete plant. Discretise it, with a disturbance that "
-            "covers what the input does between samples."
-        )
-    if system.nonlinearity is not None:
-        raise NotAccepted(f"`{system.name}` has a nonlinearity; zonotopes carry linear plants.")
-    if system.uncertainty or system.measured_scheduling is not None:
-        raise NotAccepted(
-            f"`{system.name}` has unmeasured parameters or a scheduling measured with error; their effect is no bounded d yet. "
-            "Freeze them and widen `disturbance_bound`."
-        )
-    if system.noise_bound is None or (system.nd and system.disturbance_bound is None):
-        raise BadInput(
-            f"`{system.name}` has no `noise_bound`, or an E without `disturbance_bound`; a guarantee needs both. Give numbers, "
-            "zero where there is nothing."
-        )
-
-
-def _require_noise(system: System) -> None:
-    G = np.asarray(system.at("G", [0.0] * system.nr)) * np.asarray(system.noise_bound)
-    if np.linalg.matrix_rank(G) < system.ny:
-        raise BadInput(
-            f"The noise of `{system.name}` spans {np.linalg.matrix_rank(G)} of {system.ny} outputs; the gain needs noise in every "
-            "output. Give a small bound, or use `ZonotopicLuenberger`."
-        )

@@ -5,6 +5,7 @@ zonotope  c + k (y_i - D_i u - C_i c),  [(I - k C_i) G, k s_i]  holds the part o
 decides how wide it is.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -13,10 +14,11 @@ import jax.numpy as jnp
 
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput
-from luenberger.observers.correction import checked_gain
 from luenberger.observers.small_matrix import product
 from luenberger.observers.zonotopic import Reduction, ZonotopicObserver
+from luenberger.observers.zonotopic_plant import checked_gains, gain_at
 from luenberger.sets import Zonotope, girard
+from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
 
 STRIPS = ("together", "one by one")
@@ -30,12 +32,14 @@ class ZonotopicStripFilter(ZonotopicObserver):
 
     Args:
         system: see `ZonotopicObserver`.
-        gain: K(r), shape (nx, ny), one column a strip: nested numbers or `Polynomial` in the scheduling parameters.
+        gain: K(r), shape (nx, ny), one column a strip: nested numbers or `Polynomial` in the scheduling parameters; with modes a
+            sequence of them.
         strips: "together" cuts by all strips at once, x + K (y - C x); "one by one" by the first, then what is left by the second, and
             so on.
         initial_half_width: see `ZonotopicObserver`.
         count: see `ZonotopicObserver`.
         reduction: see `ZonotopicObserver`.
+        state_bound: see `ZonotopicObserver`.
 
     Raises:
         NotAccepted: see `ZonotopicObserver`.
@@ -45,30 +49,32 @@ class ZonotopicStripFilter(ZonotopicObserver):
         V. Le, C. Stoica, T. Alamo, E. Camacho, D. Dumur, Automatica 49 (2013) 3418-3424.
     """
 
-    gain: Polynomial
+    gain: Polynomial | tuple[Polynomial, ...]
     strips: str = eqx.field(static=True)
 
     def __init__(
         self,
-        system: System,
+        system: System | Switched | Sequence[System],
         gain: Any,
         *,
         strips: str = "together",
         initial_half_width: Any,
         count: int,
         reduction: Reduction = girard,
+        state_bound: Any = None,
     ):
-        super().__init__(system, initial_half_width=initial_half_width, count=count, reduction=reduction)
+        super().__init__(
+            system, initial_half_width=initial_half_width, count=count, reduction=reduction, state_bound=state_bound
+        )
         if strips not in STRIPS:
             raise BadInput(f'`strips` is "{strips}"; "together" or "one by one" is needed.')
-        self.gain = checked_gain(system, gain)
+        self.gain = checked_gains(self.plant.value, gain)
         self.strips = strips
 
     def _gain(
         self, state: Zonotope, innovation: jax.Array, at: dict[str, jax.Array], seen: jax.Array, r: jax.Array
     ) -> tuple[jax.Array, Zonotope]:
-        values = {name: r[k] for k, name in enumerate(self.plant.value.scheduling_names)}
-        K = jnp.asarray(self.gain.map(lambda c: jnp.asarray(c, seen.dtype))(values))
+        K = gain_at(self.plant.value, self.gain, r)
         if self.strips == "one by one":
             K = together(K, at["C"])
         cut = state.generators - product(K, product(at["C"], state.generators))

@@ -2,7 +2,7 @@
 
 Every method keeps the generators that a box would fit worst and boxes the rest. All keep the number of generators fixed,
 whatever the values, so that a propagation compiles once; ranks are found by counting comparisons, plain arithmetic that a
-compiled loop runs without a sort and that can be written as C.
+compiled loop runs without a sort and that can be written as C. The order of the columns of the result means nothing.
 
 Reference: C. Combastel, ECC 2003, 3027-3032; A. Girard, HSCC 2005, 291-305; A.-K. Kopetzki, B. Schuermann, M. Althoff, CDC 2017,
 5626-5633 (comparison of methods, PCA).
@@ -70,22 +70,40 @@ def pca(generators: jax.Array, count: int) -> jax.Array:
 
 
 def _reduced(generators: jax.Array, count: int, key: jax.Array) -> jax.Array:
+    """Box the columns of least key. Columns that are kept stay where they are where that is among the first `count`."""
     n, p = generators.shape
     if p <= _checked(count, n):
         return generators
-    ranked = _ranked(generators, key)
-    kept, rest = ranked[:, : count - n], ranked[:, count - n :]
-    return jnp.concatenate([kept, jnp.diag(jnp.abs(rest).sum(axis=1))], axis=1)
+    last = count - n
+    rank = _ranks(key)
+    radius = jnp.where(rank >= last, jnp.abs(generators), 0.0).sum(axis=1)
+    # Moving all columns to their ranks would be a product with a p x p matrix, most of the cost. Only holes are filled
+    # instead, numbered by their ranks: the first n take the sides of the box, the others what is kept of the columns cut off.
+    front, back = rank[:count], rank[count:]
+    cut_before = (back[:, None] >= last) & (back[:, None] < front[None, :])
+    hole = front - last - cut_before.sum(axis=0, dtype=jnp.int32)
+    stays = back < last
+    turn = n + (stays[:, None] & np.tri(p - count, k=-1, dtype=bool).T).sum(axis=0, dtype=jnp.int32)
+    meets = stays[:, None] & (turn[:, None] == hole[None, :])
+    moved = jnp.where(meets[None], generators[:, count:, None], 0.0).sum(axis=1)
+    sides = jnp.where(hole[None, :] == np.arange(n)[:, None], radius[:, None], 0.0)
+    return jnp.where(front >= last, moved + sides, generators[:, :count])
 
 
 def _ranked(generators: jax.Array, key: jax.Array) -> jax.Array:
     """The columns by falling key; equal keys keep their order."""
-    p = generators.shape[1]
-    earlier = np.tri(p, k=-1, dtype=bool)
-    before = (key[None, :] > key[:, None]) | ((key[None, :] == key[:, None]) & earlier)
-    rank = before.sum(axis=1)
-    place = (rank[:, None] == np.arange(p)).astype(generators.dtype)
+    place = (_ranks(key)[:, None] == np.arange(key.shape[0])).astype(generators.dtype)
     return generators @ place
+
+
+def _ranks(key: jax.Array) -> jax.Array:
+    """How many columns come before each, by falling key; equal keys keep their order, NaN comes first so that it is kept."""
+    p = key.shape[0]
+    key = jnp.where(jnp.isnan(key), jnp.inf, key)
+    earlier = np.tri(p, k=-1, dtype=bool).T
+    before = (key[:, None] > key[None, :]) | ((key[:, None] == key[None, :]) & earlier)
+    # Four bytes rather than eight halve the time of many estimators at once.
+    return before.sum(axis=0, dtype=jnp.int32)
 
 
 def _checked(count: int, n: int) -> int:
