@@ -205,7 +205,8 @@ def gusty_car(dwell: int = 1) -> Switched:
 
 
 HALF = {"initial_half_width": (0.1, 0.1)}
-UNIT = {"initial_half_width": (1.0, 1.0)}
+# Few generators: the reduction is then a part of every step.
+UNIT = {"initial_half_width": (1.0, 1.0), "count": 8}
 ROWS = (
     Row("polytopic, linear", oscillator, PolytopicLuenberger(decay_rate=1.0)),
     Row("polytopic, scheduled", scheduled_oscillator, PolytopicLuenberger(decay_rate=0.5)),

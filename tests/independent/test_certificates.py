@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from catalogue import ROWS, Row
+from catalogue import ROWS, SWITCHED_ROWS, Row
 from luenberger.algebra import Polynomial
 from luenberger.certify import Claim
 from luenberger.design import Design
@@ -204,3 +204,42 @@ def test_filter_boxes_hold_the_recursion_of_the_filter(row: Row) -> None:
     assert (left <= box).all()
     # Random signs come near the worst ones in loops that forget within a few steps.
     assert (left > 0.7 * box).all()
+
+
+@pytest.mark.parametrize("row", SWITCHED_ROWS, ids=lambda row: row.name)
+def test_storages_of_modes_fall_on_every_transition(row: Row) -> None:
+    design = synthesize(row.system(), row.method)
+    plant, rng = design.system, np.random.default_rng(6)
+    claims = {c.kind: c for c in design.certificate.claims}
+    falls = claims["iss"]
+    assert falls.inputs == "lumped"
+    modes, one = range(len(plant.modes)), np.eye(plant.first.nx)
+    Q = [falls.storages[min(i, len(falls.storages) - 1)] for i in modes]
+    for _ in range(100):
+        r = np.array(
+            [
+                rng.choice(box) if rng.random() < 0.5 else rng.uniform(*box)
+                for box in plant.first.scheduling_box.values()
+            ]
+        )
+        values = dict(zip(plant.first.scheduling_names, r, strict=True))
+        for i, mode in enumerate(plant.modes):
+            A, C, E = (np.asarray(mode.at(letter, r)) for letter in "ACE")
+            K, H = (
+                np.asarray(gain[i]({n: values[n] for n in gain[i].names})) for gain in (design.gains, design.decoupling)
+            )
+            P = one + H @ C
+            N = P @ A - K @ C
+            assert np.abs(P @ E).max() <= claims["decoupling"].level + 1e-16 * np.abs(E).max()
+            assert np.linalg.norm(K, 2) <= claims["gain_bound"].level
+            assert np.abs(np.linalg.eigvals(N)).max() ** 2 <= 1 - falls.fade
+            for j in modes if falls.growth == 1 else [i]:
+                corner = (1 - falls.fade) * Q[i] - N.T @ Q[j] @ N
+                whole = np.block([[corner, -N.T @ Q[j]], [-Q[j] @ N, falls.supply * one - Q[j]]])
+                assert np.linalg.eigvalsh(whole)[0] > 0
+    alpha = min(np.linalg.eigvalsh(q)[0] for q in Q)
+    stretch = falls.growth * (1 - falls.fade) ** plant.dwell
+    assert stretch < 1
+    assert falls.level >= np.sqrt(falls.supply / (alpha * falls.fade))
+    for i, j in product(modes, modes):
+        assert np.linalg.eigvalsh(falls.growth * (1 + 1e-9) * Q[i] - Q[j])[0] >= 0 or falls.growth == 1

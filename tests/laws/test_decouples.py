@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from catalogue import SWITCHED_ROWS, Row
-from discrete_drives import Motion, at_modes, chosen, drawn, moved, reported, times
+from discrete_drives import Motion, at_modes, chosen, drawn, moved, reported, times, worst
 from luenberger.certify import SwitchedClaim
 from luenberger.design import SwitchedDesign
+from luenberger.observers import UnknownInputObserver
 from luenberger.systems import Switched
 
 RUNS, STEPS = 48, 100
@@ -119,3 +120,26 @@ def test_what_is_not_told_loses_the_state(design: SwitchedDesign, row: Row, forg
     estimate = reported(observer, ran)
     gap = np.maximum(np.asarray(estimate.lower) - ran.x, ran.x - np.asarray(estimate.upper))
     assert gap.max() > 1e-3
+
+
+def test_without_reduction_the_set_is_what_noise_can_do(design: SwitchedDesign, row: Row) -> None:
+    # One mode at rest, nothing uncertain: the worst noise for a state drives it to the end of the set, and no further.
+    last = design.system.modes[-1]
+    values = {p.name: 0.5 * (p.lower + p.upper) for p in last.parameters}
+    plant = last.freeze(**values)
+    A, B, C, G, Nu = (np.asarray(plant.at(letter)) for letter in "ABCGN")
+    K = np.asarray(design.gains[-1]({n: values[n] for n in design.gains[-1].names}))
+    H, vbar = np.asarray(design.decoupling[-1]({})), np.array(plant.noise_bound)
+    P = np.eye(plant.nx) + H @ C
+    N = P @ A - K @ C
+    drive = np.hstack([np.zeros((plant.nx, plant.nd)), (N @ H @ G - K @ G - P @ B @ Nu) * vbar])
+    unknown = worst((N, drive, np.eye(plant.nx), H @ G * vbar), plant, STEPS)
+    gusts = np.random.default_rng(8).uniform(-1e3, 1e3, unknown.disturbance.shape)
+    ran = moved(plant, replace(unknown, disturbance=gusts), np.zeros(plant.nx), 0, row.drive)
+    observer = UnknownInputObserver(plant, [K], [H], initial_half_width=np.zeros(plant.nx), count=400)
+    estimate = reported(observer, ran)
+    states = np.arange(plant.nx)
+    reached = np.abs(ran.x - np.asarray(estimate.x))[states, -1, states]
+    half = 0.5 * np.asarray(estimate.upper - estimate.lower)[0, -1]
+    # Loops forget by a third a step and more; rounding of states of size ten is the rest.
+    np.testing.assert_allclose(reached, half, rtol=1e-9)

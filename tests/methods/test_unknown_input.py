@@ -1,5 +1,6 @@
 """Gains of unknown-input observers: levels of the car, options, refusals, and what is claimed after rounding."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +130,7 @@ def test_the_bound_is_the_least_for_no_fade_given() -> None:
     assert facts["fade"] == pytest.approx(0.4543, abs=5e-3)
 
 
-@pytest.mark.parametrize("storage", ["common", "mode", "dwell"])
+@pytest.mark.parametrize("storage", ["common", "mode", "last", "dwell"])
 @pytest.mark.parametrize("slack", [False, True])
 def test_switching_costs_nothing_in_the_car(storage: Any, slack: bool) -> None:
     found = designed(gusty(dwell=10), storage=storage, slack=slack)
@@ -141,7 +142,7 @@ def test_switching_costs_nothing_in_the_car(storage: Any, slack: bool) -> None:
 
 
 def test_a_common_storage_that_does_not_exist_is_refused_with_what_helps() -> None:
-    with pytest.raises(Infeasible, match=r'the largest found was 0\.0.*storage="mode" or "dwell"'):
+    with pytest.raises(Infeasible, match=r'the largest found was 0\.0.*storage="mode", "last" or "dwell"'):
         designed(random_plant(225), fade=0.1)
     assert designed(random_plant(225), fade=0.1, storage="mode").statistics["optimum"] < 16
     assert designed(random_plant(295, dwell=30), fade=0.1, storage="dwell").statistics["optimum"] < 4
@@ -218,6 +219,7 @@ def rounded(coefficient: np.ndarray) -> np.ndarray:
         (scheduled(), {}),
         (scheduled(), {"schedule": "constant", "slack": True}),
         (random_plant(47), {"fade": 0.1, "storage": "mode"}),
+        (random_plant(47), {"fade": 0.1, "storage": "last"}),
         (random_plant(295, dwell=30), {"fade": 0.1, "storage": "dwell"}),
     ],
 )
@@ -230,6 +232,15 @@ def test_every_claim_is_proved_for_the_digits_that_ship(plant: Switched | System
     # What is claimed is what was designed for: a thousandth was given away, and the rounding takes little.
     if options.get("attenuate") != "physical" and options.get("storage") != "dwell":
         assert claims[2].level <= found.statistics["ultimate_bound"] * (1 + 2e-3)
+
+
+def test_the_storage_of_the_last_mode_is_no_storage_of_the_next() -> None:
+    found = designed(random_plant(225), fade=0.1, storage="last")
+    claim = next(c for c in found.claims(found.gains, found.decoupling) if c.kind == "iss")
+    for order, proved in (("last", True), ("next", False)):
+        again = type(claim).from_text(replace(claim, order=order).as_text())
+        certificate = certify_switched_claims(random_plant(225), found.gains, found.decoupling, [again])
+        assert (certificate.outcome is Outcome.PROVED) == proved
 
 
 def test_a_spoiled_gain_loses_its_proof() -> None:

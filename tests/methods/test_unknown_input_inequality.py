@@ -17,6 +17,7 @@ from luenberger.vehicle.wind import wind_plant
 
 COMMON = Form("common", "lumped", 4.0, False, False, Bernstein())
 MODE, DWELL = replace(COMMON, storage="mode"), replace(COMMON, storage="dwell")
+LAST = replace(COMMON, storage="last")
 SLACK = replace(COMMON, slack=True)
 
 
@@ -45,7 +46,7 @@ def supply(modes: tuple[OpenMode, ...], form: Form, fade: float, alpha: float = 
 
 
 @pytest.mark.parametrize(("step", "level"), [(0.06, 2.47274), (0.1, 3.83063), (0.05, 4.39233)])
-@pytest.mark.parametrize("form", [COMMON, SLACK, MODE, DWELL], ids=["common", "slack", "mode", "dwell"])
+@pytest.mark.parametrize("form", [COMMON, SLACK, MODE, LAST, DWELL], ids=["common", "slack", "mode", "last", "dwell"])
 def test_the_car_has_its_levels_and_switching_costs_nothing(step: float, level: float, form: Form) -> None:
     # Worst mode: (1 - fade) / (1 - fade - z^2); N is diagonal there, so one Q serves all speeds and no freedom helps.
     assert supply(gusty(step), form, 0.5) == pytest.approx(level, abs=1e-4)
@@ -85,8 +86,10 @@ def test_a_dwell_time_reaches_more(seed: int) -> None:
 @pytest.mark.parametrize("seed", [10, 32, 33, 47])
 def test_more_freedom_is_never_worse(seed: int) -> None:
     modes = random_modes(seed)
-    common, mode, dwell = (supply(modes, form, 0.1) for form in (COMMON, MODE, DWELL))
+    common, mode, last, dwell = (supply(modes, form, 0.1) for form in (COMMON, MODE, LAST, DWELL))
     assert mode <= common * (1 + 1e-6)
+    # S = Q of the mode that acted, in the place of one S for every mode that may follow.
+    assert last <= mode * (1 + 1e-6)
     # One Q for all meets the inequality of the dwell time as well.
     assert dwell <= common * (1 + 1e-6)
 
@@ -94,9 +97,10 @@ def test_more_freedom_is_never_worse(seed: int) -> None:
 def test_storages_of_the_modes_help_some_plants() -> None:
     modes = random_modes(47)
     assert supply(modes, MODE, 0.1) < 0.7 * supply(modes, COMMON, 0.1)
+    assert supply(modes, LAST, 0.1) < 0.7 * supply(modes, MODE, 0.1)
 
 
-@pytest.mark.parametrize("form", [COMMON, SLACK, MODE, DWELL], ids=["common", "slack", "mode", "dwell"])
+@pytest.mark.parametrize("form", [COMMON, SLACK, MODE, LAST, DWELL], ids=["common", "slack", "mode", "last", "dwell"])
 def test_recovered_gains_fade_as_the_inequality_says(form: Form) -> None:
     # V_j(N e + w) <= (1 - fade) V_i(e) + supply |w|^2 with the storages of the solution, random errors and inputs.
     rng = np.random.default_rng(5)
@@ -107,8 +111,8 @@ def test_recovered_gains_fade_as_the_inequality_says(form: Form) -> None:
     K, H = posed.recovered(modes)
     Q = [np.asarray(q.value) for q in posed.storages]
     e, w = rng.standard_normal((2, 3, 4000))
-    for i, j in form.transitions(2):
-        after = np.asarray(modes[i].error(K[i], H[i])({})) @ e + w
+    for i, k, j in form.transitions(2):
+        after = np.asarray(modes[k].error(K[k], H[k])({})) @ e + w
         have, allowed = (after * (Q[j % len(Q)] @ after)).sum(0), (e * (Q[i % len(Q)] @ e)).sum(0) * 0.9
         assert (have <= allowed + found.objective * (w**2).sum(0) + 1e-6).all()
     assert min(np.linalg.eigvalsh(q)[0] for q in Q) >= 1 - 1e-7

@@ -130,7 +130,7 @@ def test_a_fade_that_only_the_modes_together_rule_out_is_refused_with_the_larges
     assert 0.005 < refusal.nearest < 0.1
     assert math.isfinite(least_supply(modes, COMMON, 0.99 * refusal.nearest))
     assert math.isinf(least_supply(modes, COMMON, 1.01 * refusal.nearest))
-    assert 'storage="mode" or "dwell"' in str(refusal)
+    assert 'storage="mode", "last" or "dwell"' in str(refusal)
     assert f"{refusal.nearest:.6g}" in str(refusal)
 
 

@@ -104,7 +104,7 @@ def test_an_input_error_needs_its_generator() -> None:
     assert not enclosure.left(cars_.states).any()
     # 3 % as above.
     assert enclosure.width == pytest.approx(0.393, rel=0.03)
-    blind = enclosed(observer(switched()), cars_, road.speed[:, None])
+    blind = enclosed(observer(), cars_, road.speed[:, None])
     assert blind.left(cars_.states).any()
 
 
@@ -115,13 +115,13 @@ def test_the_printed_recursion_is_left_where_noise_outweighs_uncertainty() -> No
     assert outside >= 10
     road = drive()
     cars_ = cars(road, choices(), share=share, noise=noise)
-    corrected = enclosed(observer(switched(share=share, noise=noise), "c0"), cars_, road.speed[:, None])
+    corrected = enclosed(observer("c0", share=share, noise=noise), cars_, road.speed[:, None])
     assert not corrected.left(cars_.states).any()
 
 
 def test_speed_that_varies_within_a_mode() -> None:
     road, cars_ = runs(varying=True)
-    constant = enclosed(observer(switched()), cars_, road.speed[:, None])
+    constant = enclosed(observer(), cars_, road.speed[:, None])
     assert constant.left(cars_.states).all()
     scheduled, states = scheduled_enclosure()
     assert not scheduled.left(states).any()

@@ -1,6 +1,7 @@
 """Plants taken apart: the factors against the plant at random parameters, their number, their directions, their exact cover."""
 
 from dataclasses import replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -214,7 +215,7 @@ def test_cover_holds_in_exact_arithmetic_at_random_rational_parameters() -> None
 HIDDEN = {"p": (1.0, 1.5), "q": (-0.2, 0.3)}
 
 
-def powers(cause: str, unit: dict[str, fmpq]) -> fmpq:
+def powers(cause: str, unit: dict[str, Any]) -> fmpq:
     value = fmpq(1)
     for part in cause.split("*"):
         name, _, power = part.partition("^")
@@ -247,7 +248,7 @@ def test_a_moved_middle_is_found_uncovered() -> None:
 
 
 def test_a_direction_that_moves_is_a_factor_and_asks_for_a_bound() -> None:
-    def plant(**options: object) -> System:
+    def plant(**options: Any) -> System:
         return System.lpv(
             np.diag([0.5, 0.2]),
             C=[[1.0, 0.0]],
@@ -282,7 +283,7 @@ def test_a_direction_that_moves_is_a_factor_and_asks_for_a_bound() -> None:
     ],
     ids=["output", "noise", "output by a reading", "function", "nonlinear"],
 )
-def test_refusals(changes: dict[str, object], word: str) -> None:
+def test_refusals(changes: dict[str, Any], word: str) -> None:
     plain = System.lpv(
         np.eye(2) * 0.5,
         C=[[1.0, 0.0]],

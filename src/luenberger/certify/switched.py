@@ -178,7 +178,8 @@ def _stability(system: Switched, errors: Sequence[DecoupledError], claim: Switch
         pairs = list(system.transitions) if len(claim.storages) > 1 else [(i, i) for i in range(count)]
     margin, pieces = np.inf, 0
     for i, j in pairs:
-        verdict = negative_definite(_step_inequality(system, errors[i], Q[i], Q[j], claim), errors[i].box)
+        acting = errors[j if claim.order == "last" else i]
+        verdict = negative_definite(_step_inequality(system, acting, Q[i], Q[j], claim), acting.box)
         if verdict.outcome is not Outcome.PROVED:
             return claim.kind, replace(verdict, point={"from": float(i), "to": float(j), **verdict.point})
         margin, pieces = min(margin, verdict.margin), pieces + verdict.pieces

@@ -29,6 +29,7 @@ class SwitchedClaim:
     * gain_bound: |K_i(r)|_2 <= level in every mode.
     * iss: V_j(e+) <= (1 - fade) V_i(e) + supply |w|^2 on every transition, V_i = e' Q_i e; hence limsup |e|_2 <= level sup |w|_2. With
       growth > 1 the storage may grow at a switch, by that factor at most, and the dwell time of the plant makes up for it.
+      With order "last" mode j acts, and V_i is the storage of the mode that acted before it; else mode i acts.
     * containment: the state never leaves the set of the observer; `level` is what rounding of the gains may add a step, relative to the
       signals. With `vector`, an error inside |e_k| <= vector_k stays there.
 
@@ -40,6 +41,7 @@ class SwitchedClaim:
         supply: what |w|^2 may add to V.
         growth: largest ratio of storages at a switch; 1 where every transition is covered by the inequality itself.
         inputs: channels of w joined by "+", see `DecoupledError`; "lumped" in units of the state, the others in units of their bounds.
+        order: whose storage counts at a sample: of the mode that acts "next", or of the one that acted "last".
         vector: half widths of an invariant box, shape (nx,).
         state_bound: |x_k| <= bound that `vector` assumes, shape (nx,).
 
@@ -56,6 +58,7 @@ class SwitchedClaim:
     inputs: str = "lumped"
     vector: np.ndarray | None = None
     state_bound: np.ndarray | None = None
+    order: Literal["next", "last"] = "next"
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.level) and self.level >= 0):
@@ -93,7 +96,7 @@ class SwitchedClaim:
             )
             return f"The state never leaves the set of the observer while the stated bounds hold and it starts inside.{held}"
         what = " and ".join(_CHANNELS[c] for c in self.inputs.split("+"))
-        unit = "" if self.inputs == "lumped" else ", each in units of its bound"
+        unit = "" if self.inputs == "lumped" else ", noise in units of its bound, factors in those of the state"
         return (
             f"Under every switching that is allowed the error ends in |e|_2 <= {self.level:.6g} sup |w|_2, w being {what}{unit}, and "
             f"forgets its start by a factor {math.sqrt(1 - self.fade):.6g} a step."
@@ -110,6 +113,7 @@ class SwitchedClaim:
             "supply": to_text(self.supply),
             "growth": to_text(self.growth),
             "inputs": self.inputs,
+            "order": self.order,
             "vector": None if self.vector is None else matrix_text(self.vector),
             "state_bound": None if self.state_bound is None else matrix_text(self.state_bound),
         }
@@ -126,6 +130,7 @@ class SwitchedClaim:
             supply=from_text(data["supply"]),
             growth=from_text(data["growth"]),
             inputs=data["inputs"],
+            order=data.get("order", "next"),
             **rows,
         )
 

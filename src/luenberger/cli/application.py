@@ -22,6 +22,7 @@ from luenberger.core.checks import nearest
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "run": ("run", "Design, certify, replay and score the entrants of an experiment file; write one page."),
     "certify": ("certify", "Prove every claim of a design file again, without a solver."),
+    "export": ("export", "Write a design as C99 with golden vectors, or its gain as a table; build and check it."),
     "reproduce": ("reproduce", "Recompute a published paper row by row: printed, ours, verdict."),
     "list": ("catalogue", "List methods, observers, cars, kinds of entrants, logs and papers."),
 }

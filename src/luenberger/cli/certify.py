@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from luenberger.certify import certify
 from luenberger.cli.output import out, print_json, progress_bar, sentence
 from luenberger.core import Outcome
-from luenberger.design import Design
+from luenberger.design import load_design
 from luenberger.report.tables import certificate_table
+from luenberger.systems import Switched
 
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
 
@@ -25,16 +25,18 @@ def command(
 
     Example: luenberger certify results/slip_angle_slalom/lpv_observer.json
     """
-    loaded = Design.load(design)
+    loaded = load_design(design)
     with progress_bar(quiet) as progress:
-        certificate = certify(loaded, progress)
+        certificate = loaded.certify(progress)
     seconds = [proof.seconds for proof in certificate.proofs]
     if as_json:
         parts = certificate.as_text()
         parts["proofs"] = [{**p, "seconds": s} for p, s in zip(parts["proofs"], seconds, strict=True)]
         print_json({"outcome": certificate.outcome.value, "seconds": certificate.seconds, **parts})
     else:
-        table = certificate_table(certificate, discrete=loaded.system.dt is not None, seconds=seconds)
+        table = certificate_table(
+            certificate, discrete=Switched.of(loaded.system).first.dt is not None, seconds=seconds
+        )
         out.print(table.as_rich(_COLOURS))
         sentence("This rests on:")
         for line in certificate.assumptions:

@@ -1,6 +1,6 @@
 """Designs: gain + certificate, as text."""
 
 from luenberger.design.design import Design
-from luenberger.design.switched import SwitchedDesign
+from luenberger.design.switched import SwitchedDesign, load_design
 
-__all__ = ["Design", "SwitchedDesign"]
+__all__ = ["Design", "SwitchedDesign", "load_design"]

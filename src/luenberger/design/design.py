@@ -1,6 +1,6 @@
 """What a synthesis returns: gain, certificate and where both come from, saved and loaded as text."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -101,9 +101,13 @@ class Design:
             return ZonotopicStripFilter(self.system, self.filter_gain, **chosen)
         return ZonotopicLuenberger(self.system, self.gain, **chosen)
 
-    def certify(self) -> Certificate:
-        """Check all claims again, from plant, gain and witnesses alone."""
-        return certify(self)
+    def certify(self, progress: Callable[[str, float], None] | None = None) -> Certificate:
+        """Check all claims again, from plant, gain and witnesses alone.
+
+        Args:
+            progress: called with what is being proved and the share done.
+        """
+        return certify(self, progress)
 
     def with_gain(self, gain: Any) -> "Design":
         """Return the design with another gain and its claims checked again; nothing is trusted.

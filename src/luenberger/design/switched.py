@@ -11,7 +11,8 @@ from luenberger.algebra import Polynomial
 from luenberger.certify import Certificate, certify_switched_claims
 from luenberger.certify.rational_text import from_text, polynomial_as_text, polynomial_from_text, to_text
 from luenberger.core import BadInput
-from luenberger.design.design_file import built_from, write_file
+from luenberger.design.design import Design
+from luenberger.design.design_file import built_from, read_file, write_file
 from luenberger.design.system_text import system_as_text, system_from_text
 from luenberger.observers import UnknownInputObserver
 from luenberger.systems import Switched
@@ -122,6 +123,21 @@ class SwitchedDesign:
             BadInput: no such file, not JSON, or no switched design.
         """
         return built_from(path, SWITCHED_FORMAT, _KEYS, _built)
+
+
+def load_design(path: str | Path, function: Any = None) -> Design | SwitchedDesign:
+    """Read a design file of either kind; its outcomes are what the file says until `certify` checks them.
+
+    Args:
+        path: file written by `save`.
+        function: the nonlinear JAX function of the plant, where it has one and an observer is wanted.
+
+    Raises:
+        BadInput: no such file, not JSON, or no design.
+    """
+    if read_file(path)["format"] == SWITCHED_FORMAT:
+        return SwitchedDesign.load(path)
+    return Design.load(path, function)
 
 
 def switched_as_text(system: Switched) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from luenberger.export.build import Build, build, write_c
 from luenberger.export.c import CCode, c_code
+from luenberger.export.c_table import table_header
 from luenberger.export.golden import Golden, golden
 from luenberger.export.guard import Guarded
 from luenberger.export.sampled import SampledStep, sampled_step
@@ -25,5 +26,6 @@ __all__ = [
     "golden",
     "look_up_table",
     "sampled_step",
+    "table_header",
     "write_c",
 ]

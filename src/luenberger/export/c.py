@@ -12,7 +12,7 @@ from luenberger.export.c_header import header
 from luenberger.export.c_text import CText
 from luenberger.export.guard import Guarded
 from luenberger.export.program import Leaf, Program, Table, program
-from luenberger.export.signals import _NAME
+from luenberger.export.signals import NAME
 
 PRECISIONS = ("double", "float")
 
@@ -69,7 +69,7 @@ def c_code(
         BadInput: a name that is no C identifier, an unknown precision, or a JAX primitive that cannot be written (named).
         NotAccepted: an operation or constant that C99 lacks.
     """
-    if not _NAME.match(name):
+    if not NAME.match(name):
         raise BadInput(f"`name` is `{name}`; a C identifier is needed, since it is the prefix of every symbol.")
     if precision not in PRECISIONS:
         raise BadInput(f'`precision` is "{precision}"; "double" or "float" is needed.')
@@ -142,8 +142,9 @@ def _source(
 ) -> str:
     text = CText(precision)
     lines = [f'#include "{name}.h"', "", "#include <math.h>", ""]
+    whole = "\n".join([*begin, *body])
     for table in tables:
-        if any(table.read):
+        if f"{name}_{table.name}[" in whole:
             rows = ", ".join(text.constant(v) for v in table.values)
             lines.append(f"static const {precision} {name}_{table.name}[{len(table.values)}] = {{{rows}}};")
     arguments = f"{name}_state *state, const {precision} *x0"

@@ -18,13 +18,11 @@ class Table:
 
     Args:
         name: C identifier.
-        values: entries in C order.
-        read: True for those that the operations read; zeros are left out of the arithmetic.
+        values: entries in C order; zeros are left out of the arithmetic.
     """
 
     name: str
     values: tuple[float, ...]
-    read: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -102,10 +100,7 @@ def program(guarded: Guarded) -> Program:
     return Program(
         trace(step, arrays, [np.zeros(leaf.shape) for leaf in jax.tree.leaves(start)], *signals),
         trace(init, arrays, x0),
-        tuple(
-            Table(n, tuple(a.ravel().tolist()), tuple((a != 0).ravel().tolist()))
-            for n, a in zip(_distinct(paths), arrays, strict=True)
-        ),
+        tuple(Table(n, tuple(a.ravel().tolist())) for n, a in zip(_distinct(paths), arrays, strict=True)),
         _leaves(start),
         _leaves(estimate),
         guarded.flags,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from luenberger.core import BadInput
 from luenberger.systems import Switched, System
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 # Words of C99 that no field can be called.
 _KEYWORDS = frozenset(
     [
@@ -72,7 +72,7 @@ class Signals:
 
     def __post_init__(self) -> None:
         for name in (*self.states, *self.inputs, *self.outputs, *self.scheduling):
-            if not _NAME.match(name) or name in _KEYWORDS:
+            if not NAME.match(name) or name in _KEYWORDS:
                 raise BadInput(f"The signal `{name}` is no C identifier; rename it with letters, digits and `_`.")
 
     @staticmethod

@@ -146,8 +146,8 @@ def look_up_table(
     gain, system = design.gain, design.system
     used = [n for n, d in gain.degree.items() if d]
     _require(design, axes, used)
-    axes = tuple(sorted(axes, key=lambda a: system.scheduling_names.index(a.parameter)))
     kind = np.float32 if precision == "float" else np.float64
+    axes = tuple(_stored(a, kind) for a in sorted(axes, key=lambda a: system.scheduling_names.index(a.parameter)))
     grids = [axis.values() for axis in axes]
     shape = tuple(len(g) for g in grids)
     values = np.zeros((*shape, *gain.shape))
@@ -172,7 +172,7 @@ def look_up_table(
         ]
         joined = [Parameter(a.reciprocal, *_ends(a, k)) for a, k in zip(axes, cell, strict=True) if a.reciprocal]
         plant = system.replace(parameters=[*inside, *joined])
-        claims = [replace(c, level=(levels or {}).get(c.kind, _room(c))) for c in design.certificate.claims]
+        claims = [replace(c, level=(levels or {}).get(c.kind, _room(c, values))) for c in design.certificate.claims]
         proofs.append(certify_claims(plant, piece, claims))
     certificate = _together(design, proofs)
     if require and certificate.outcome is not Outcome.PROVED:
@@ -206,6 +206,17 @@ def _require(design: Design, axes: Sequence[Axis], used: Sequence[str]) -> None:
                 f"The points of `{axis.name}` cover {axis.parameter} in [{low:.6g}, {high:.6g}], the proof needs [{lower:.6g}, {upper:.6g}]; "
                 "add points at the ends."
             )
+
+
+def _stored(axis: Axis, kind: type) -> Axis:
+    """The grid as it is stored, its ends rounded outward."""
+    points = np.array(axis.points).astype(kind)
+    down, up = np.array([-np.inf, np.inf]).astype(kind)
+    if float(points[0]) > axis.points[0]:
+        points[0] = np.nextafter(points[0], down)
+    if float(points[-1]) < axis.points[-1]:
+        points[-1] = np.nextafter(points[-1], up)
+    return replace(axis, points=tuple(points.astype(float).tolist()))
 
 
 def _ends(axis: Axis, k: int) -> tuple[float, float]:
@@ -267,9 +278,12 @@ def _largest_difference(
     return base + bend
 
 
-def _room(claim: Claim) -> float:
+def _room(claim: Claim, values: np.ndarray) -> float:
     """The norm of an interpolation stays below that of its corners, up to rounding; other claims stand as they are."""
-    return claim.level * (1 + 1e-6) + 1e-12 if claim.kind == "gain_bound" else claim.level
+    if claim.kind != "gain_bound":
+        return claim.level
+    corners = max(float(np.linalg.norm(L, 2)) for L in values.reshape(-1, *values.shape[-2:]))
+    return max(claim.level, corners) * (1 + 1e-6) + 1e-12
 
 
 def _together(design: Design, proofs: Sequence[Certificate]) -> Certificate:

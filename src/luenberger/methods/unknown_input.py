@@ -45,8 +45,9 @@ class UnknownInputGain:
     Args:
         fade: share by which V falls in a step, 0 < fade < 1 - max |z|^2 over the invariant zeros z; None looks for the one with
             the least ultimate bound.
-        storage: "common" uses one Q for all modes; "mode" one each, with any switching; "dwell" one each, with Q_j <= growth Q_i
-            at a switch and the dwell time of the plant. The last two find gains where no common Q exists.
+        storage: "common" uses one Q for all modes; "mode" one each, with any switching; "last" one each too, that of the mode
+            which acted last, which needs no slack and gives the lower level; "dwell" one each, with Q_j <= growth Q_i at a switch
+            and the dwell time of the plant. The last three find gains where no common Q exists.
         attenuate: "lumped" counts all that reaches the error as one vector; "physical" counts the uncertain factors and the
             noises v and v+ one by one: a factor in the size that it has where [x; u] has length one, a noise in its bound.
         growth: largest ratio of storages at a switch, for "dwell"; growth (1 - fade)^dwell < 1 is needed.
@@ -149,7 +150,7 @@ class UnknownInputGain:
         return form if self.attenuate == "lumped" else replace(form, unit=_unit(modes))
 
     def _require_options(self) -> None:
-        known_keys("`storage`", [self.storage], ["common", "mode", "dwell"])
+        known_keys("`storage`", [self.storage], ["common", "mode", "last", "dwell"])
         known_keys("`attenuate`", [self.attenuate], ["lumped", "physical"])
         known_keys("`schedule`", [self.schedule], ["plant", "constant"])
         if self.fade is not None and not 0 < self.fade < 1:

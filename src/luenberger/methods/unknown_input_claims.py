@@ -113,8 +113,8 @@ def _shown(plant: Switched, loops: Sequence[Loop], form: Form, fade: float) -> S
         if found is None:
             return None
         storages = tuple(rounded_storage(np.asarray(q.value)) for q in Q)
-        pairs = form.transitions(len(loops))
-        supply = max(shown_supply(loops[i], storages[i % len(Q)], storages[j % len(Q)], fade) for i, j in pairs)
+        steps, n = form.transitions(len(loops)), len(Q)
+        supply = max(shown_supply(loops[k], storages[i % n], storages[j % n], fade) for i, k, j in steps)
         alpha = min(float(np.linalg.eigvalsh(q)[0]) for q in storages) * (1 - _DIGITS)
         if alpha > 0 and supply <= found.objective * (1 + ROOM):
             break
@@ -127,7 +127,8 @@ def _shown(plant: Switched, loops: Sequence[Loop], form: Form, fade: float) -> S
     level = ultimate_bound(supply, fade, growth, plant.dwell, alpha) * (1 + _DIGITS)
     if not np.isfinite(level):
         return None
-    return SwitchedClaim("iss", level, storages, fade=fade, supply=supply, growth=growth)
+    order = "last" if form.storage == "last" else "next"
+    return SwitchedClaim("iss", level, storages, fade=fade, supply=supply, growth=growth, order=order)
 
 
 def shown_supply(loop: Loop, before: np.ndarray, after: np.ndarray, fade: float) -> float:

@@ -5,7 +5,8 @@ For a transition from mode i to mode j, V_i = e' Q_i e, N_i = (I + H_i C) A - K_
     [[(fade - 1) Q_i, 0, N_i' S_i'], [*, -supply I, B_i' S_i'], [*, *, Q_j - S_i - S_i']] < 0
 
 gives V_j(e+) < (1 - fade) V_i(e) + supply |w|^2: multiply by [[I, 0, N'], [0, I, B']] from the left and its transpose from the
-right. With W = S K and X = S Z, H = U + Z M', it is linear in all unknowns. Where j = i, or one Q serves all, S = Q loses nothing.
+right. With W = S K and X = S Z, H = U + Z M', it is linear in all unknowns. Where j = i, or one Q serves all, S = Q loses nothing. With the storage of the mode that acted last, Q_i stands before and Q_j after
+the step of mode j, and S_j = Q_j loses nothing either.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ from luenberger.lmi import Block, Problem, Relaxation
 from luenberger.methods.method import scheduled_variable
 from luenberger.methods.unknown_input_plant import OpenMode
 
-Storage = Literal["common", "mode", "dwell"]
+Storage = Literal["common", "mode", "last", "dwell"]
 Attenuate = Literal["lumped", "physical"]
 
 
@@ -29,7 +30,8 @@ class Form:
     """Which inequality is posed.
 
     Args:
-        storage: one Q for all modes, one a mode with any switching, or one a mode with a dwell time.
+        storage: one Q for all modes; one a mode with any switching, that of the mode which acts next ("mode") or which acted last
+            ("last"); or one a mode with a dwell time.
         attenuate: "lumped" for all that reaches the error at once, "physical" for factors and noises one by one.
         growth: Q_j <= growth Q_i at a switch, with a dwell time.
         constant: True for gains that do not follow the scheduling.
@@ -46,15 +48,18 @@ class Form:
     relaxation: Relaxation
     unit: float = 1.0
 
-    def transitions(self, count: int) -> list[tuple[int, int]]:
-        """Return the pairs (mode that acts, mode whose storage counts after it).
+    def transitions(self, count: int) -> list[tuple[int, int, int]]:
+        """Return the triples (mode whose storage counts before, mode that acts, mode whose storage counts after it).
 
         Args:
             count: number of modes.
         """
+        every = [(i, j) for i in range(count) for j in range(count)]
         if self.storage == "mode":
-            return [(i, j) for i in range(count) for j in range(count)]
-        return [(i, i) for i in range(count)]
+            return [(i, i, j) for i, j in every]
+        if self.storage == "last":
+            return [(i, j, j) for i, j in every]
+        return [(i, i, i) for i in range(count)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +122,8 @@ def posed_gain(modes: Sequence[OpenMode], form: Form, fade: float, alpha: float 
         X.append(_variable(variables, f"X{i}", nx, mode.free) if mode.free else None)
         loops.append(_projected(mode, S[i], X[i]) @ mode.A - gain @ mode.C)
     blocks = [Block("storage", Polynomial.constant(alpha * np.eye(nx) - q)) for q in Q]
-    for i, j in form.transitions(len(modes)):
-        before, after = Q[i % len(Q)], Q[j % len(Q)]
+    for first, i, last in form.transitions(len(modes)):
+        before, after = Q[first % len(Q)], Q[last % len(Q)]
         corner = Polynomial.constant(after - S[i] - S[i].T)
         inputs = _inputs(modes[i], form, S[i], W[i], X[i])
         matrix = _inequality(before, corner, loops[i], inputs, fade, supply)
@@ -145,9 +150,9 @@ def posed_supply(
     count = 1 if form.storage == "common" else len(loops)
     Q = [_variable(variables, f"Q{i}", nx, nx, symmetric=True) for i in range(count)]
     blocks = [Block("storage", Polynomial.constant(np.eye(nx) - q)) for q in Q]
-    for i, j in form.transitions(len(loops)):
+    for first, i, last in form.transitions(len(loops)):
         N, B, box = loops[i]
-        before, after = Q[i % count], Q[j % count]
+        before, after = Q[first % count], Q[last % count]
         weigh = Polynomial.constant(after)
         matrix = _inequality(before, -weigh, weigh @ N, weigh @ B, fade, supply)
         blocks.append(Block(f"fade of mode {i}", matrix, box, relaxation=form.relaxation))

@@ -146,7 +146,11 @@ def no_gain(modes: Sequence[OpenMode], form: Form, fade: float, largest: float) 
         low, high = (middle, high) if math.isfinite(least_supply(modes, form, middle)) else (low, middle)
     block = charged_block(posed_gain(modes, form, fade).problem)
     blame = f" The inequality `{block}` stands in the way." if block else ""
-    wider = {"common": '"mode" or "dwell"', "mode": '"dwell", which needs a dwell time of the plant,'}.get(form.storage)
+    wider = {
+        "common": '"mode", "last" or "dwell"',
+        "mode": '"last" or "dwell"',
+        "last": '"dwell", which needs a dwell time,',
+    }.get(form.storage)
     advice = "a larger `growth`" if wider is None else f"storage={wider}"
     if low <= high / 2**_HALVINGS:
         return Infeasible(

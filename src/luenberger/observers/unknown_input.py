@@ -5,8 +5,8 @@ In mode i, with the measured input u + N_u v and the uncertain factors |s_k| <= 
     x+ = A_i(r) x + B_i(r) u + E_i d + sum_k direction_k s_k row_k(r) [x; u; d],        y = C x + G v,
     xh+ = N xh + K y + P B_i u - H y+,    P = I + H C,    N = P A_i - K C,    P E_i = 0.
 
-The noise v_k acts twice, through y_(k+1) = ... of the step before and through y_k of this one. So what is carried along as a
-zonotope is not e = x - xh but eb = e - H' G v, H' of the mode before:
+The noise v_k acts twice, through H y+ of the step before and through K y of this one. So what is carried along as a zonotope is
+not e = x - xh but eb = e - H' G v, with H' of the mode before:
 
     eb+ = N eb + (N H' G - K G - P B N_u) v + sum_k (P direction_k) s_k row_k [x; u; d],      e = eb + H' G v.
 
@@ -22,22 +22,27 @@ import jax.numpy as jnp
 import numpy as np
 
 from luenberger.algebra import Polynomial
-from luenberger.core import BadInput, NotAccepted
+from luenberger.core import BadInput
 from luenberger.core.checks import finite_array, known_keys
 from luenberger.observers.correction import checked_gain
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.plant import Fixed, sample_time, state_vector
 from luenberger.observers.small_matrix import product
 from luenberger.observers.uncertainty_bound import entry_bound, factor_bound, signal_box, split_entry_bound
+from luenberger.observers.unknown_input_plant import (
+    ModeAt,
+    OpenMode,
+    constant_part,
+    mode_at,
+    one_each,
+    require_decoupled,
+    require_form,
+)
 from luenberger.sets import Interval, Zonotope, girard
-from luenberger.systems.matrix import PlantMatrix
 from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
-from luenberger.systems.uncertainty import Uncertain
 
 UNCERTAINTY = ("structured", "interval", "lemma")
-# P E = 0 holds up to rounding of a decoupling matrix of doubles; anything larger lets the unknown input in.
-_DECOUPLED = 1e-9
 
 
 class DecoupledState(eqx.Module):
@@ -52,20 +57,6 @@ class DecoupledState(eqx.Module):
     prediction: jax.Array
     generators: jax.Array
     decoupling: jax.Array
-
-
-class _Mode(eqx.Module):
-    """The matrices of a mode at one sample."""
-
-    A: jax.Array
-    B: jax.Array
-    E: jax.Array
-    G: jax.Array
-    N: jax.Array
-    K: jax.Array
-    H: jax.Array
-    directions: jax.Array
-    rows: jax.Array
 
 
 class UnknownInputObserver(Observer):
@@ -112,7 +103,7 @@ class UnknownInputObserver(Observer):
 
     dt: float = eqx.field(static=True)
     plant: Fixed[Switched] = eqx.field(static=True)
-    modes: Fixed[tuple[Uncertain, ...]] = eqx.field(static=True)
+    modes: Fixed[tuple[OpenMode, ...]] = eqx.field(static=True)
     gains: tuple[Polynomial, ...]
     decoupling: tuple[np.ndarray, ...]
     initial_half_width: np.ndarray
@@ -139,20 +130,22 @@ class UnknownInputObserver(Observer):
     ):
         plant = Switched.of(system)
         for mode in plant.modes:
-            _require_form(mode, plant.first)
-        modes = tuple(Uncertain.of(mode) for mode in plant.modes)
+            require_form(mode, plant.first)
+        modes = tuple(OpenMode.of(mode) for mode in plant.modes)
         nx = plant.first.nx
         self.dt = sample_time(plant.first, None)
         self.plant = Fixed(plant)
         self.modes = Fixed(modes)
         self.gains = tuple(
-            checked_gain(m, K, "gains") for m, K in zip(plant.modes, _each("gains", gains, plant), strict=True)
+            checked_gain(m, K, "gains") for m, K in zip(plant.modes, one_each("gains", gains, plant), strict=True)
         )
-        matrices = zip(plant.modes, _each("decoupling", decoupling, plant), strict=True)
-        self.decoupling = tuple(_constant("decoupling", checked_gain(m, H, "decoupling")) for m, H in matrices)
+        matrices = zip(plant.modes, one_each("decoupling", decoupling, plant), strict=True)
+        self.decoupling = tuple(constant_part("decoupling", checked_gain(m, H, "decoupling")) for m, H in matrices)
         for mode, H in zip(modes, self.decoupling, strict=True):
-            _require_decoupled(mode.nominal, H)
-        self.initial_half_width = _widths("initial_half_width", finite_array("initial_half_width", initial_half_width), nx)
+            require_decoupled(plant.first, mode, H)
+        self.initial_half_width = _widths(
+            "initial_half_width", finite_array("initial_half_width", initial_half_width), nx
+        )
         bound = np.full(nx, np.inf) if state_bound is None else np.asarray(state_bound, dtype=float)
         self.state_bound = _widths("state_bound", bound, nx)
         self.count = max(20, 5 * nx) if count is None else count
@@ -198,7 +191,8 @@ class UnknownInputObserver(Observer):
         """Advance by one sample; see `Observer.step`. r is in the order of `Switched.scheduling_names`."""
         dtype = state.prediction.dtype
         u, y, r = (jnp.asarray(signal, dtype) for signal in (u, y, r))
-        m, C = self._at(r, dtype), jnp.asarray(_constant("C", self.modes.value[0].nominal.C), dtype)
+        modes = self.modes.cast(dtype)
+        m, C = mode_at(self.plant.value, modes, self.gains, self.decoupling, r), modes[0].C
         x = state.prediction - product(state.decoupling, y)
         noise = jnp.asarray(self.plant.value.first.noise_bound, dtype)
         late = product(state.decoupling, m.G) * noise
@@ -218,27 +212,6 @@ class UnknownInputObserver(Observer):
         after = DecoupledState(prediction, self.reduction(generators, self.count), m.H)
         return after, Estimate(x, lower=hull.lower, upper=hull.upper)
 
-    def _at(self, r: jax.Array, dtype: Any) -> _Mode:
-        """The matrices of the mode that r selects."""
-        plant, found = self.plant.value, []
-        within = dict(zip(plant.first.scheduling_names, plant.within(r), strict=True))
-
-        def value(matrix: PlantMatrix) -> jax.Array:
-            if isinstance(matrix, Polynomial):
-                matrix = matrix.map(lambda c: jnp.asarray(c, dtype))
-            return jnp.asarray(matrix({n: within[n] for n in matrix.names}), dtype)
-
-        for mode, K, H in zip(self.modes.value, self.gains, self.decoupling, strict=True):
-            A, B, E, G, N = (value(getattr(mode.nominal, letter)) for letter in "ABEGN")
-            directions, rows = jnp.asarray(mode.directions, dtype), value(mode.rows)
-            found.append(_Mode(A, B, E, G, N, value(K), jnp.asarray(H, dtype), directions, rows))
-        factors = max(m.rows.shape[0] for m in found)
-        found = [_padded(m, factors) for m in found]
-        chosen, number = found[0], plant.mode(r)
-        for k, other in enumerate(found[1:], 1):
-            chosen = jax.tree.map(lambda a, b, k=k: jnp.where(number == k, b, a), chosen, other)
-        return chosen
-
     def _used_box(self, hull: Interval) -> Interval:
         """The box over which the uncertain factors are bounded; where the hull misses the trusted box, the hull."""
         bound = jnp.asarray(self.state_bound, hull.lower.dtype)
@@ -248,13 +221,13 @@ class UnknownInputObserver(Observer):
         missed = both.lower > both.upper
         return Interval(jnp.where(missed, hull.lower, both.lower), jnp.where(missed, hull.upper, both.upper))
 
-    def _noise(self, N: jax.Array, P: jax.Array, m: _Mode, late: jax.Array, noise: jax.Array) -> list[jax.Array]:
+    def _noise(self, N: jax.Array, P: jax.Array, m: ModeAt, late: jax.Array, noise: jax.Array) -> list[jax.Array]:
         """Generators of the noise of this sample, as error of this step's y and u and, in `late`, of the step before."""
         carried = product(N, late)
         now = -(product(m.K, m.G) + product(product(P, m.B), m.N)) * noise
         return [carried + now] if self.reuse_noise else [carried, now]
 
-    def _unknown(self, P: jax.Array, m: _Mode, x: Interval, u: jax.Array, noise: jax.Array) -> list[jax.Array]:
+    def _unknown(self, P: jax.Array, m: ModeAt, x: Interval, u: jax.Array, noise: jax.Array) -> list[jax.Array]:
         """Generators of the uncertain factors, and of what of d rounding or a gain that does not decouple lets in."""
         first = self.plant.value.first
         bound = jnp.asarray(first.disturbance_bound or [0.0] * first.nd, u.dtype)
@@ -267,63 +240,7 @@ class UnknownInputObserver(Observer):
         return [jnp.diag(product(jnp.abs(P), delta)), *let_in]
 
 
-def _padded(m: _Mode, factors: int) -> _Mode:
-    """The mode with as many uncertain factors as any other."""
-    missing = factors - m.rows.shape[0]
-    directions, rows = jnp.pad(m.directions, ((0, 0), (0, missing))), jnp.pad(m.rows, ((0, missing), (0, 0)))
-    return eqx.tree_at(lambda n: (n.directions, n.rows), m, (directions, rows))
-
-
-def _each(name: str, given: Any, plant: Switched) -> tuple[Any, ...]:
-    """One matrix a mode."""
-    if isinstance(given, Polynomial) or (not isinstance(given, tuple) and np.ndim(given) == 2):
-        return (given,) * len(plant.modes)
-    if len(given) != len(plant.modes):
-        raise BadInput(f"`{name}` has {len(given)} entries but `{plant.name}` needs {len(plant.modes)}, one a mode.")
-    return tuple(given)
-
-
-def _constant(name: str, value: PlantMatrix) -> np.ndarray:
-    """A matrix that may not vary within a mode."""
-    varying = not isinstance(value, Polynomial) or any(np.any(c) for e, c in value if any(e))
-    if varying:
-        raise NotAccepted(
-            f"`{name}` depends on {list(value.names)}; within a mode of an unknown-input observer it has to be constant. Split the "
-            "plant into modes, each with its own constant matrix."
-        )
-    return np.asarray(value(dict.fromkeys(value.names, 0.0)), dtype=float)
-
-
 def _widths(name: str, value: np.ndarray, nx: int) -> np.ndarray:
     if value.shape != (nx,) or not (value >= 0).all():
         raise BadInput(f"`{name}` is {value.tolist()}; {nx} numbers >= 0 are needed, one for each state.")
     return value
-
-
-def _require_form(mode: System, first: System) -> None:
-    if mode.dt is None:
-        raise NotAccepted(
-            f"`{mode.name}` is continuous; an unknown-input observer runs a discrete plant. Discretise it, and freeze its scheduling "
-            "for modes."
-        )
-    if np.any(_constant("D", mode.D)):
-        raise NotAccepted(f"`{mode.name}` has a feedthrough D; take D u off the outputs first.")
-    if mode.noise_bound is None:
-        raise BadInput(
-            f"`{mode.name}` has no `noise_bound`; a guarantee needs one. Give numbers, zero where there is nothing."
-        )
-    if not np.array_equal(_constant("C", mode.C), _constant("C", first.C)):
-        raise NotAccepted(
-            f"`C` differs between the modes of `{first.name}`; y of the next sample would belong to another C than H was made for. Give "
-            "all modes the same outputs."
-        )
-
-
-def _require_decoupled(nominal: System, H: np.ndarray) -> None:
-    E, C = _constant("E", nominal.E), _constant("C", nominal.C)
-    leak = E + H @ C @ E
-    if nominal.disturbance_bound is None and np.abs(leak).max(initial=0.0) > _DECOUPLED * np.abs(E).max(initial=0.0):
-        raise BadInput(
-            f"(I + H C) E of `{nominal.name}` is {leak.tolist()}, not zero, so an unknown input without bound drives the error. Give "
-            "H = -E (C E)^+ + Y (I - C E (C E)^+), or a `disturbance_bound`."
-        )

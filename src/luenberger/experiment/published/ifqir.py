@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 
 from luenberger.experiment.published.ifqir_claims import claim_rows
+from luenberger.experiment.published.ifqir_continuous import continuous_rows
 from luenberger.experiment.published.ifqir_crossover import crossover_rows
 from luenberger.experiment.published.ifqir_example import example_rows
 from luenberger.experiment.published.ifqir_observer import observer_rows
@@ -28,7 +29,7 @@ def rows(progress: Callable[[Row], None] | None = None) -> list[Row]:
         progress: called with each row as soon as it is known.
 
     Returns:
-        rows in the order preliminaries, observer, theorem, recursion, sets, example, claims, storages, widths, crossover.
+        rows in the order preliminaries, observer, theorem, recursion, sets, example, claims, storages, widths, continuous time, crossover.
     """
     return collected(_all(), progress)
 
@@ -44,5 +45,6 @@ def _all() -> Iterator[Row]:
         claim_rows(),
         storage_rows(),
         width_rows(),
+        continuous_rows(),
         crossover_rows(),
     )

@@ -136,28 +136,26 @@ def printed_mode(speed: float, share: float = SHARE, step: float = STEP) -> Prin
     return PrintedMode(seen.N, seen.P, seen.H, seen.K, Bounds.around(dA), Bounds.around(dB))
 
 
-def scheduled(
+def continuous(
     share: float = SHARE,
     noise: float = NOISE,
     steering_error: float = 0.0,
     speed_error: float = 0.0,
-    step: float = STEP,
     gust_arm: float = GUST_ARM,
     gust_bound: float | None = None,
 ) -> System:
-    """Return the car over all speeds, sampled by Euler's rule.
+    """Return the car over all speeds in continuous time.
 
     Args:
         share: uncertainty of both stiffnesses.
         noise: bound of the error of the gyro [rad/s].
         steering_error: bound of the error of the steering angle [rad].
         speed_error: bound of the error of the speed [m/s].
-        step: sample time [s].
         gust_arm: lw [m].
         gust_bound: largest gust force [N]; None: none is known.
     """
     front, rear = gust_car.front_stiffness, gust_car.rear_stiffness
-    plant = wind_plant(
+    return wind_plant(
         gust_car,
         (ENDS[0], ENDS[-1]),
         gust_arm=gust_arm,
@@ -167,7 +165,16 @@ def scheduled(
         speed_error=speed_error,
         gust_bound=gust_bound,
     )
-    return discretize(plant, step, "euler")
+
+
+def scheduled(step: float = STEP, **options: float) -> System:
+    """Return the car over all speeds, sampled by Euler's rule.
+
+    Args:
+        step: sample time [s].
+        options: see `continuous`.
+    """
+    return discretize(continuous(**options), step, "euler")
 
 
 def switched(
@@ -186,6 +193,6 @@ def switched(
         step: sample time [s].
         gust_arm: lw [m].
     """
-    plant = scheduled(share, noise, steering_error, step=step, gust_arm=gust_arm)
+    plant = scheduled(step, share=share, noise=noise, steering_error=steering_error, gust_arm=gust_arm)
     modes = [plant.freeze(speed=v, inverse_speed=1 / v) for v in SPEEDS]
     return Switched.of(modes, "speed", ENDS, unit="m/s")

@@ -39,7 +39,7 @@ def crossover_rows() -> Iterator[Row]:
         "Decoupling the gust against bounding it",
         f"section 1, {INDEPENDENT}",
         ", ".join(f"{w:g} m/s at {b:g} N" for b, w in EXPECTED.items()),
-        ", ".join(f"{w:.3f}" for w in widths.values())
+        ", ".join(f"{widths[b]:.3f}" for b in EXPECTED)
         + " m/s with y_k, "
         + ", ".join(f"{w:.3f}" for w, _ in found["predictor"].values())
         + f" without; decoupled {decoupled:.3f} whatever the wind; left on {left} runs",

@@ -9,12 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from luenberger.experiment.published.ifqir_car import SPEEDS, START, STATE_BOUND, STEP, Axles, switched
+from luenberger.experiment.published.ifqir_car import NOISE, SHARE, SPEEDS, START, STATE_BOUND, STEP, Axles, switched
 from luenberger.experiment.published.ifqir_drive import Cars
 from luenberger.experiment.published.ifqir_estimates import ROUNDING, runs
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.unknown_input import UnknownInputObserver
-from luenberger.systems import Switched, System
 
 # Name -> what of the recursion is on: how uncertainty is bounded, noise reused, the estimate used to bound the state.
 VARIANTS: dict[str, tuple[str, bool, bool]] = {
@@ -95,21 +94,28 @@ def _scanned(observer: Observer, start: Any, u: Any, y: Any, r: Any) -> Estimate
     return jax.vmap(one)(jnp.asarray(u), jnp.asarray(y))
 
 
+@cache
 def observer(
-    plant: Switched | System, variant: str = "c4", *, bounded: bool = True, **options: Any
+    variant: str = "c4",
+    *,
+    bounded: bool = True,
+    share: float = SHARE,
+    noise: float = NOISE,
+    steering_error: float = 0.0,
 ) -> UnknownInputObserver:
-    """Return the observer of the printed car with the gain that leaves only the zero.
+    """Return the observer of the printed car with the gain that leaves only the zero; made once, so that a run compiles once.
 
     Args:
-        plant: one mode for each printed speed.
         variant: key of `VARIANTS`.
         bounded: with the printed bounds of the state.
-        options: further options of `UnknownInputObserver`.
+        share: uncertainty of both stiffnesses.
+        noise: bound of the error of the gyro [rad/s].
+        steering_error: bound of the error of the steering angle [rad].
     """
     uncertainty, reuse, closed = VARIANTS[variant]
     modes = [Axles.at(v).decoupled(STEP) for v in SPEEDS]
     return UnknownInputObserver(
-        plant,
+        switched(share, noise, steering_error),
         [m.K for m in modes],
         [m.H for m in modes],
         initial_half_width=[START, START],
@@ -117,7 +123,6 @@ def observer(
         uncertainty=uncertainty,
         reuse_noise=reuse,
         closed_loop=closed,
-        **options,
     )
 
 
@@ -130,5 +135,5 @@ def variant_enclosure(variant: str, steering_error: float = 0.0) -> Enclosure:
         steering_error: bound of the error of the steering angle [rad].
     """
     road, found = runs(steering_error)
-    plant = switched(steering_error=steering_error)
-    return enclosed(observer(plant, variant), found, road.speed[:, None])
+    chosen = observer(variant, steering_error=steering_error) if steering_error else observer(variant)
+    return enclosed(chosen, found, road.speed[:, None])

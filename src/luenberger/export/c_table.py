@@ -1,0 +1,96 @@
+"""A gain table as a C99 header: grid, entries, and the interpolation that was proved."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from luenberger.core import BadInput
+from luenberger.export.c_text import CText
+from luenberger.export.signals import NAME
+from luenberger.export.tables import GainTable
+
+
+def table_header(table: GainTable, name: str) -> str:
+    """Return the text of NAME.h: a function that fills L from the signals, multi-linear between grid points, held outside.
+
+    Args:
+        table: gain table.
+        name: prefix, a C identifier.
+
+    Raises:
+        BadInput: a name that is no C identifier.
+    """
+    if not NAME.match(name):
+        raise BadInput(f"`name` is `{name}`; a C identifier is needed, since it is the prefix of every symbol.")
+    real = table.precision
+    nx, ny = table.values.shape[-2:]
+    system = table.design.system
+    sizes = [len(axis.points) for axis in table.axes]
+    lines = [
+        f"/* {name}: gain table of `{system.name}`, {' x '.join(map(str, sizes))} points, {real}.",
+        " *",
+        f" * L has {nx} rows (states {', '.join(system.states)}) and {ny} columns (outputs {', '.join(system.outputs)}), row by row.",
+        f" * The interpolated gain differs from that of the design by at most {table.error:.6g} in any entry.",
+        " * Proved of the interpolated gain, on every cell:",
+        *(f" *   {p.outcome.value}: {p.claim.sentence()}" for p in table.certificate.proofs),
+        " * This rests on:",
+        *(f" *   {line}" for line in table.certificate.assumptions),
+        " */",
+        f"#ifndef {name.upper()}_H",
+        f"#define {name.upper()}_H",
+        "",
+    ]
+    for k, axis in enumerate(table.axes):
+        unit = "" if axis.reciprocal else system.units.get(axis.parameter, "")
+        lines.append(f"/* {axis.name}{f' [{unit}]' if unit else ''} */")
+        lines.append(f"static const {real} {name}_axis{k}[{sizes[k]}] = {{{_row(real, axis.points)}}};")
+    # What is a float in the table is a float here.
+    lines.append(f"static const {real} {name}_entries[{table.values.size}] = {{")
+    flat = table.values.reshape(-1, nx * ny)
+    lines += [f"    {_row(real, row)}," for row in flat]
+    lines += ["};", "", *_function(table, name, sizes, nx * ny), "", "#endif"]
+    return "\n".join(lines) + "\n"
+
+
+def _function(table: GainTable, name: str, sizes: Sequence[int], entries: int) -> list[str]:
+    real, text = table.precision, CText(table.precision)
+    zero, one = text.constant(0.0), text.constant(1.0)
+    count = len(sizes)
+    arguments = ", ".join(f"{real} {axis.name}" for axis in table.axes)
+    lines = [
+        f"/* Fill L[{entries}] at the given signals; what lies outside the grid is held at its edge. */",
+        f"static inline void {name}_gain({arguments}, {real} *L)",
+        "{",
+        f"    {real} share[{count}];",
+        f"    int cell[{count}], corner, k;",
+    ]
+    for k, axis in enumerate(table.axes):
+        n, grid = sizes[k], f"{name}_axis{k}"
+        lines += [
+            f"    for (cell[{k}] = 0; cell[{k}] < {n - 2} && {axis.name} >= {grid}[cell[{k}] + 1]; ++cell[{k}]) {{",
+            "    }",
+            f"    share[{k}] = ({axis.name} - {grid}[cell[{k}]]) / ({grid}[cell[{k}] + 1] - {grid}[cell[{k}]]);",
+            f"    share[{k}] = share[{k}] > {zero} ? (share[{k}] < {one} ? share[{k}] : {one}) : {zero};",
+        ]
+    strides = [int(np.prod(sizes[k + 1 :], dtype=int)) for k in range(count)]
+    place = " + ".join(f"(cell[{k}] + ((corner >> {k}) & 1)) * {strides[k]}" for k in range(count))
+    weight = " * ".join(f"(((corner >> {k}) & 1) ? share[{k}] : {one} - share[{k}])" for k in range(count))
+    lines += [
+        f"    for (k = 0; k < {entries}; ++k) {{",
+        f"        L[k] = {zero};",
+        "    }",
+        f"    for (corner = 0; corner < {2**count}; ++corner) {{",
+        f"        const {real} weight = {weight};",
+        f"        const {real} *point = {name}_entries + ({place}) * {entries};",
+        f"        for (k = 0; k < {entries}; ++k) {{",
+        "            L[k] += weight * point[k];",
+        "        }",
+        "    }",
+        "}",
+    ]
+    return lines
+
+
+def _row(real: str, values: Sequence[float] | np.ndarray) -> str:
+    text = CText(real)
+    return ", ".join(text.constant(float(v)) for v in values)
