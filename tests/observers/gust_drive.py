@@ -4,6 +4,7 @@ The plain form of the car is written out here, apart from `vehicle.wind`, so tha
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
@@ -67,9 +68,7 @@ def three_modes(**changes: Any) -> Switched:
 def scheduled(parts: int, speed_error: float) -> Switched:
     """The scheduled car in parts of the speed, each with its own bound on the error of 1/vx, which is largest at its slowest speed."""
     ends = np.geomspace(8.0, 18.6, parts + 1)
-    plants = [
-        car((a - speed_error, b + speed_error), speed_error=speed_error) for a, b in zip(ends, ends[1:], strict=False)
-    ]
+    plants = [car((a - speed_error, b + speed_error), speed_error=speed_error) for a, b in pairwise(ends.tolist())]
     return Switched.of(plants, "speed", ends.tolist(), unit="m/s")
 
 
@@ -204,19 +203,22 @@ def boxes(observer: UnknownInputObserver, runs: Runs, dtype: Any = float) -> Est
 
 def leavers(box: Estimate, x: np.ndarray, slack: float = 1e-9) -> np.ndarray:
     """Which runs leave their box anywhere."""
-    assert box.lower is not None and box.upper is not None
+    assert box.lower is not None
+    assert box.upper is not None
     outside = (x < np.asarray(box.lower) - slack) | (x > np.asarray(box.upper) + slack)
     return np.asarray(outside.any(axis=(1, 2)))
 
 
 def reach(box: Estimate, x: np.ndarray, after: int = 20) -> float:
     """Largest share of the half width of vy that an error takes, once the start is forgotten."""
-    assert box.lower is not None and box.upper is not None
+    assert box.lower is not None
+    assert box.upper is not None
     half = 0.5 * np.asarray(box.upper - box.lower)[..., 0]
     return float((np.abs(x[..., 0] - np.asarray(box.x)[..., 0]) / half)[:, after:].max())
 
 
 def mean_width(box: Estimate) -> float:
     """Mean width of the interval of vy over all runs and samples [m/s]."""
-    assert box.lower is not None and box.upper is not None
+    assert box.lower is not None
+    assert box.upper is not None
     return float(np.asarray(box.upper - box.lower)[..., 0].mean())

@@ -6,7 +6,6 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers import gust_drive as gust
 
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, NotAccepted
@@ -15,6 +14,7 @@ from luenberger.observers.unknown_input_plant import OpenMode, mode_at, one_each
 from luenberger.systems import Parameter, System
 from luenberger.vehicle.cars import gust_car
 from luenberger.vehicle.wind import wind_plant
+from observers import gust_drive as gust
 
 
 def plant(**changes: Any) -> System:

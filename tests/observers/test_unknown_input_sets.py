@@ -6,13 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers import gust_drive as gust
 
 from luenberger.algebra import Polynomial
 from luenberger.observers.unknown_input import UnknownInputObserver
 from luenberger.observers.unknown_input_plant import ModeAt
 from luenberger.sets import Interval, pca
 from luenberger.systems import Parameter, System
+from observers import gust_drive as gust
 
 # Mean widths of the interval of vy [m/s] of an independent implementation on a drive of its own; 3 % is for the drive.
 EXACT_INPUT = {"c0": 1.530, "c1": 0.852, "c2": 0.686, "c3": 0.637, "c4": 0.177}
@@ -156,8 +156,9 @@ class Gusty:
         return x, u, y
 
 
-@pytest.mark.parametrize("decouples", [True, False])
-@pytest.mark.parametrize("options", [{}, {"uncertainty": "interval"}, {"reduction": pca, "count": 6}])
+@pytest.mark.parametrize(
+    ("decouples", "options"), [(True, {}), (True, {"uncertainty": "interval"}), (False, {"reduction": pca, "count": 6})]
+)
 def test_an_unknown_input_whose_direction_varies_is_bounded(decouples: bool, options: dict[str, Any]) -> None:
     x, u, y = Gusty.runs()
     H = np.array([[0.0, -0.2], [0.0, 0.0], [0.0, -1.0]]) * decouples
