@@ -26,7 +26,7 @@ from luenberger.sets import Zonotope
 from luenberger.systems import System
 
 STATES, OUTPUTS, DISTURBANCES, GENERATORS = 6, 2, 3, 60
-STEPS, BATCH, BATCH_STEPS, ROUNDS = 2000, 1000, 20, 25
+STEPS, BATCH, BATCH_STEPS, ROUNDS = 2000, 1000, 5, 25
 SINGLE_BAR, BATCH_BAR = 5.0, 20.0
 
 

@@ -163,7 +163,7 @@ def test_an_unknown_input_whose_direction_varies_is_bounded(decouples: bool, opt
     x, u, y = Gusty.runs()
     H = np.array([[0.0, -0.2], [0.0, 0.0], [0.0, -1.0]]) * decouples
     K = np.array([[0.2, 0.0], [0.5, 0.2], [0.1, 0.4]]) * (not decouples)
-    settings = {"initial_half_width": [0.0, 0.0, 0.0]} | options
+    settings: dict[str, Any] = {"initial_half_width": [0.0, 0.0, 0.0]} | options
     r = np.zeros((*u.shape[:2], 0))
 
     def box(bound: float) -> Any:

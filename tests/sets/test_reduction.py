@@ -49,7 +49,7 @@ KEYS = {girard: lambda G: abs(G).sum(axis=0) - abs(G).max(axis=0), combastel: la
 @pytest.mark.parametrize("whole", [False, True])
 def test_the_choice_is_that_of_a_stable_sort(method: Callable[..., jax.Array], n: int, whole: bool) -> None:
     draw = np.random.default_rng(n)
-    for count in (n, n + 1, 9, 19):
+    for count in (n, 4, 9, 19):
         reduce = jax.jit(lambda G, count=count: method(G, count))
         for _ in range(40):
             # Small whole numbers tie in most columns, and their sums are exact.

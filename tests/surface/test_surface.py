@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from luenberger.export.build import compiler
 from luenberger.methods import METHODS
 
 ROOT = Path(__file__).parents[2]
@@ -144,6 +145,19 @@ def test_readme_example_of_a_nonlinear_plant_runs(capsys: pytest.CaptureFixture[
     one, two, safe = (names[k].certificate for k in ("one", "two", "safe"))  # type: ignore[attr-defined]
     assert two.level("gain_bound") < one.level("gain_bound") / 5
     assert safe.level("domain") > 0
+
+
+def test_readme_examples_of_the_gust_and_of_the_export_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in (3, 4):
+        exec((ROOT / "README.md").read_text().split("```python\n")[block].split("```")[0], names)
+    shown = capsys.readouterr().out
+    assert shown.count("proved") == 4
+    assert (tmp_path / "build/wind/wind.c").is_file()
+    assert compiler() is None or "0 disagreements" in shown
 
 
 def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -167,6 +167,23 @@ def test_units_of_a_state_do_not_change_the_number_of_factors() -> None:
     assert {Uncertain.of(plant(scale)).nk for scale in (1.0, 1e-14, 1e14)} == {2}
 
 
+def test_no_state_leads_by_its_unit() -> None:
+    def products(scale: float) -> np.ndarray:
+        slope = np.diag([1.0, scale]) @ np.array([[1.0, 2.0], [3.0, 4.0]])
+        plant = System.lpv(
+            np.zeros((2, 2)),
+            Polynomial.affine(np.zeros((2, 2)), q=slope),
+            parameters=[Parameter("q", -1, 1, measured=False)],
+            dt=1.0,
+        )
+        found = Uncertain.of(plant)
+        rows = np.asarray(found.rows({}))[:, 2:]
+        return np.einsum("ik,kj->kij", found.directions / [[1.0], [scale]], rows)
+
+    for scale in (1e-6, 1e6):
+        np.testing.assert_allclose(products(scale), products(1.0), rtol=1e-12, atol=1e-15)
+
+
 def test_a_certain_plant_has_no_factors() -> None:
     plant = System.linear(np.diag([0.5, 0.2]), E=[[1.0], [0.0]], C=[[1.0, 0.0]], dt=1.0)
     uncertain = Uncertain.of(plant)

@@ -17,12 +17,14 @@ from luenberger.experiment.entrant import Entrant
 from luenberger.experiment.entrants import kind_of
 from luenberger.experiment.specification import Specification
 from luenberger.experiment.tuning import Tuned
+from luenberger.export import sampled_step
 from luenberger.observers import Estimate
 from luenberger.replay import Channels, replay
 from luenberger.report.citations import citations
 from luenberger.report.figures import comparison_figures
 from luenberger.report.page import Page
 from luenberger.report.tables import Table
+from luenberger.systems.jacobian_box import error_box
 from luenberger.vehicle import VehicleParameters
 
 Bounds = Mapping[str, tuple[np.ndarray, np.ndarray]]
@@ -170,6 +172,7 @@ def _table(
         "RMSE, largest error and mean error (bias) of the sideslip over the scored samples; computing time of one step."
     ]
     notes += [f"{name}: {kind_of(options).sentence}." for name, options in spec.entrants.items()]
+    notes += [_sampled(name, entrant) for name, entrant in entrants.items() if entrant.design is not None]
     if tuned_any:
         counts = ", ".join(f"{name} {len(t.knobs)} knobs {t.evaluations} replays" for name, t in knobs.items())
         notes.append(f"Tuned on the first {spec.fit_share:.0%} of the log alone, scored on the rest. Effort: {counts}.")
@@ -177,6 +180,19 @@ def _table(
             if tuned.knobs:
                 notes.append(f"{name} was tuned to {', '.join(f'{k} {v:.4g}' for k, v in tuned.knobs.items())}.")
     return Table(columns, rows, notes, "Sideslip")
+
+
+def _sampled(name: str, entrant: Entrant) -> str:
+    """What is proved of the step that was replayed; a claim about continuous time does not stand alone."""
+    design = entrant.design
+    assert design is not None
+    # Four stages with a Jacobian of their own each: with several varying entries the proof takes longer than the whole run.
+    if len(set(error_box(design.system)) - set(design.system.scheduling_names)) > 1:
+        return f"{name}: its claims are about continuous time; `luenberger export` proves the sampled step."
+    step = sampled_step(design, entrant.observer)
+    if step is None:
+        return f"{name}: its bounds hold for the sampled step by the way it is carried out, see the observer."
+    return f"{name}, {step.sentence}"
 
 
 def _bounds_table(spec: Specification, log: Trajectory, bounds: Bounds) -> Table:

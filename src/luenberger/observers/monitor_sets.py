@@ -5,7 +5,7 @@ What can be seen on the road is seen without the truth; what only a simulation o
 `CONTRADICTIONS` names them. Leave them out before asking `explain` for causes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array, known_keys
+from luenberger.core.checks import finite_array
 from luenberger.observers.monitor import Assumption, Drive, box_excess
 from luenberger.observers.observer import Estimate
 from luenberger.observers.set_consistency import (
@@ -23,13 +23,15 @@ from luenberger.observers.set_consistency import (
     current_set,
     dwell_start,
     dwell_step,
+    factors_at,
     not_finite,
     output_disagreement,
     reading_excess,
     step_disagreement,
 )
+from luenberger.observers.set_log import SetLog
 from luenberger.observers.unknown_input import DecoupledState, UnknownInputObserver
-from luenberger.observers.zonotopic_plant import by_mode, factors_of, matrices
+from luenberger.observers.zonotopic_plant import by_mode, factors_of
 from luenberger.sets import Interval, Zonotope
 from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
@@ -50,7 +52,7 @@ def monitor_sets(
     x0: Any = None,
     *,
     true_input: Any = None,
-    frozen: Mapping[str, Sequence[float]] | None = None,
+    frozen: Sequence[float] | None = None,
     next_state: NextState | None = None,
     sampling_bound: Any = None,
 ) -> tuple[Assumption, ...]:
@@ -70,10 +72,11 @@ def monitor_sets(
         observer: the estimator, an `UnknownInputObserver` or a `ZonotopicObserver` of the plant; run again here to see its sets.
         x0: what it was started with.
         true_input: true input, shape (nt, nu); left out: from the measured one and the noise.
-        frozen: what the modes are frozen at, name of a scheduling signal -> its value in each mode; judged by `drive.true_r`.
+        frozen: value of the signal that selects the modes, e.g. of the speed, for which the plant of each mode was made; judged by
+            `drive.true_r`.
         next_state: true state at the next sample from x, u, d, true scheduling and unmeasured parameters of this one, all held
-            over the step; a JAX function. The scheduling it gets is that of the mode where `frozen` says so, so a moving signal
-            does not pass for an error of sampling.
+            over the step; a JAX function. The scheduling holds the value of the mode where `frozen` tells it, so that a signal
+            that moves within a mode does not pass for an error of sampling.
         sampling_bound: what of an error of sampling the plant covers by other means, shape (nx,); left out: nothing.
 
     Returns:
@@ -86,80 +89,30 @@ def monitor_sets(
             another plant, or `next_state` without the true x, d and input.
     """
     plant = Switched.of(system)
-    time = finite_array("time", drive.time)
+    log = SetLog(plant, drive, true_input)
     found: list[Assumption] = []
 
     def add(name: str, excess: Any, unit: str = "", scale: float = 0.0, needs_truth: bool = False) -> None:
         # What cannot be judged, next to a reading that is not finite, is not broken.
         judged = np.nan_to_num(np.asarray(excess, float), nan=0.0, posinf=np.inf, neginf=-np.inf)
-        found.append(Assumption(name, time, judged - _ROUNDING * abs(scale), unit, needs_truth))
+        found.append(Assumption(name, log.time, judged - _ROUNDING * abs(scale), unit, needs_truth))
 
-    log = _Log(plant, drive, time.size, true_input)
     if log.read:
         add("readings finite", jax.vmap(lambda parts: not_finite(*parts))(log.read), "entries")
     _watch_scheduling(log, add)
-    _watch_mode(log, frozen or {}, add)
+    at = _frozen(plant, frozen)
+    _watch_mode(log, at, add)
     _watch_unknowns(log, add)
     if observer is not None:
         _watch_observer(log, observer, x0, add)
     if next_state is not None:
         bound = np.zeros(plant.first.nx) if sampling_bound is None else finite_array("sampling_bound", sampling_bound)
-        excess, size = _sampling(log, next_state, frozen or {})
+        excess, size = _sampling(log, next_state, at)
         add("sampling", np.max(excess - bound, axis=-1), "", size, True)
     return tuple(found)
 
 
-class _Log:
-    """The signals of a drive, checked against the plant; measured ones also with the last finite reading held."""
-
-    def __init__(self, plant: Switched, drive: Drive, count: int, true_input: Any):
-        first = plant.first
-        self.plant, self.count, self.drive = plant, count, drive
-        shapes = {"r": plant.nr, "u": first.nu, "y": first.ny}
-        self.measured = {
-            n: np.zeros((count, 0))
-            if getattr(drive, n) is None and size == 0
-            else _shaped(n, getattr(drive, n), (count, size))
-            for n, size in shapes.items()
-        }
-        self.read = [jnp.asarray(v) for n, v in self.measured.items() if v is not None and v.shape[1]]
-        sizes = {"true_r": plant.nr, "x": first.nx, "noise": first.nv, "disturbance": first.nd}
-        self.true = {n: _true(n, getattr(drive, n), (count, size)) for n, size in sizes.items()}
-        known_keys("`uncertainty` of the drive", drive.uncertainty, list(first.uncertainty))
-        self.uncertainty = {n: finite_array(n, v) for n, v in drive.uncertainty.items()}
-        for name, values in self.uncertainty.items():
-            _shaped(name, values, (count,))
-        r = self.measured["r"]
-        self.r = None if r is None else _held(r)
-        self.best_r = self.r if self.true["true_r"] is None else self.true["true_r"]
-        self.at = None if self.r is None else jax.jit(jax.vmap(lambda s: matrices(plant, s)))(self.best_r)
-        self.input = self._input(_true("true_input", true_input, (count, first.nu)))
-
-    def _input(self, given: np.ndarray | None) -> np.ndarray | None:
-        """The true input, None where nothing tells."""
-        u, noise = self.measured["u"], self.true["noise"]
-        if given is not None or u is None or self.at is None:
-            return given
-        if noise is not None:
-            return u - np.einsum("kij,kj->ki", self.at["N"], noise)
-        return None if np.any(self.at["N"]) else u
-
-    @property
-    def mode(self) -> np.ndarray | None:
-        """Number of the mode that was measured at every sample."""
-        return None if self.r is None else np.asarray(jax.vmap(self.plant.mode)(jnp.asarray(self.r)))
-
-    def trusted(self, name: str) -> np.ndarray:
-        """Lower and upper end, error and the two factors of a parameter in the mode that holds, (5, nt)."""
-        found = [next(p for p in mode.parameters if p.name == name) for mode in self.plant.modes]
-        table = np.array([[p.lower, p.upper, p.error, *p.factor] for p in found])
-        if self.mode is not None:
-            return table[self.mode].T
-        widest = np.where([True, False, False, True, False], table.min(axis=0), table.max(axis=0))
-        return np.tile(widest[:, None], self.count)
-
-
-def _watch_scheduling(log: _Log, add: Add) -> None:
+def _watch_scheduling(log: SetLog, add: Add) -> None:
     read, true = log.measured["r"], log.true["true_r"]
     for k, name in enumerate(log.plant.first.scheduling_names):
         unit = log.plant.first.units.get(name, "")
@@ -176,36 +129,47 @@ def _watch_scheduling(log: _Log, add: Add) -> None:
         if true is not None:
             add(f"range of true {name}", box_excess(true[:, k], lower, upper), unit, scale, True)
         if read is not None and true is not None:
-            add(f"error of {name}", reading_excess(true[:, k], read[:, k], error, factor), unit, scale, True)
-
-
-def _watch_mode(log: _Log, frozen: Mapping[str, Sequence[float]], add: Add) -> None:
-    plant, read, true, mode = log.plant, log.measured["r"], log.true["true_r"], log.mode
-    known_keys("`frozen`", frozen, list(plant.scheduling_names))
-    if len(plant.modes) > 1 and read is not None and mode is not None:
-        ends, k = np.array(plant.ends), plant.scheduling_names.index(plant.signal)
-        scale = float(np.abs(ends).max())
-        add(f"limits of {plant.signal}", box_excess(read[:, k], ends[0], ends[-1]), plant.unit, scale)
-        start = dwell_start(mode[0], plant.dwell)
-        early = jax.lax.scan(lambda carry, now: dwell_step(carry, now, plant.dwell), start, jnp.asarray(mode))[1]
-        add("dwell", early, "samples")
-        if true is not None:
-            # Outside all limits the nearest mode holds, and the limits are watched above.
-            lower, upper = np.array([-np.inf, *ends[1:-1]])[mode], np.array([*ends[1:-1], np.inf])[mode]
-            add(f"mode of true {plant.signal}", box_excess(true[:, k], lower, upper), plant.unit, scale, True)
-    for name, values in frozen.items():
-        at = finite_array("frozen", values)
-        if at.shape != (len(plant.modes),):
-            raise BadInput(
-                f"`frozen` has {at.tolist()} for `{name}`; {len(plant.modes)} numbers are needed, one a mode."
+            add(
+                f"error of {name}",
+                reading_excess(true[:, k], read[:, k], error, (factor[0], factor[1])),
+                unit,
+                scale,
+                True,
             )
-        if true is not None and mode is not None:
-            apart = np.abs(true[:, plant.scheduling_names.index(name)] - at[mode])
-            unit = plant.unit if name == plant.signal else plant.first.units.get(name, "")
-            add(f"{name} frozen in its mode", apart, unit, float(np.abs(at).max()), True)
 
 
-def _watch_unknowns(log: _Log, add: Add) -> None:
+def _watch_mode(log: SetLog, frozen: np.ndarray | None, add: Add) -> None:
+    plant, read, true, mode = log.plant, log.measured["r"], log.true["true_r"], log.mode
+    if len(plant.modes) == 1 or read is None or mode is None:
+        return
+    ends, k = np.array(plant.ends), plant.scheduling_names.index(plant.signal)
+    scale = float(np.abs(ends).max())
+    add(f"limits of {plant.signal}", box_excess(read[:, k], ends[0], ends[-1]), plant.unit, scale)
+    start = dwell_start(mode[0], plant.dwell)
+    early = jax.lax.scan(lambda carry, now: dwell_step(carry, now, plant.dwell), start, jnp.asarray(mode))[1]
+    add("dwell", early, "samples")
+    if true is None:
+        return
+    # Outside all limits the nearest mode holds, and the limits are watched above.
+    lower, upper = np.array([-np.inf, *ends[1:-1]])[mode], np.array([*ends[1:-1], np.inf])[mode]
+    add(f"mode of true {plant.signal}", box_excess(true[:, k], lower, upper), plant.unit, scale, True)
+    if frozen is not None:
+        add(f"{plant.signal} frozen in its mode", np.abs(true[:, k] - frozen[mode]), plant.unit, scale, True)
+
+
+def _frozen(plant: Switched, frozen: Sequence[float] | None) -> np.ndarray | None:
+    if frozen is None:
+        return None
+    values = finite_array("frozen", frozen)
+    if not plant.signal or plant.signal in plant.first.scheduling_names or values.shape != (len(plant.modes),):
+        raise BadInput(
+            f"`frozen` is {values.tolist()} for `{plant.name}` with {len(plant.modes)} modes selected by `{plant.signal}`; it takes "
+            "one value a mode, of a signal that does not schedule the modes themselves."
+        )
+    return values
+
+
+def _watch_unknowns(log: SetLog, add: Add) -> None:
     first, x = log.plant.first, log.true["x"]
     for name, values in log.uncertainty.items():
         lower, upper, *_ = log.trusted(name)
@@ -224,7 +188,7 @@ def _watch_unknowns(log: _Log, add: Add) -> None:
         return
     noise, at = log.true["noise"], log.at
     if noise is not None:
-        touched = np.concatenate([at["G"], at["N"]], axis=1).any(axis=0)
+        touched = np.any(np.concatenate([at["G"], at["N"]], axis=1), axis=0)
         names = np.array([*first.outputs, *first.inputs])
         for k, limit in enumerate(first.noise_bound):
             add(f"noise {k + 1} ({', '.join(names[touched[:, k]])})", np.abs(noise[:, k]) - limit, "", limit, True)
@@ -245,7 +209,7 @@ def _watch_readings(
         add(f"{word} {name}", np.abs(off[:, k]) - bound[:, k], first.units.get(name, ""), 1.0, True)
 
 
-def _watch_observer(log: _Log, observer: SetObserver, x0: Any, add: Add) -> None:
+def _watch_observer(log: SetLog, observer: SetObserver, x0: Any, add: Add) -> None:
     first = log.plant.first
     y, u = log.measured["y"], log.measured["u"]
     if observer.states != first.states or x0 is None or y is None or u is None or log.r is None:
@@ -295,7 +259,7 @@ def _rerun(observer: SetObserver, start: Any, u: jax.Array, y: jax.Array, r: jax
     return found
 
 
-def _sampling(log: _Log, next_state: NextState, frozen: Mapping[str, Sequence[float]]) -> tuple[np.ndarray, float]:
+def _sampling(log: SetLog, next_state: NextState, frozen: np.ndarray | None) -> tuple[np.ndarray, float]:
     """By how much each true next state leaves what the plant makes of this one, (nt, nx), and the size of the states."""
     plant, first = log.plant, log.plant.first
     x, d = log.true["x"], np.zeros((log.count, 0)) if not first.nd else log.true["disturbance"]
@@ -304,8 +268,8 @@ def _sampling(log: _Log, next_state: NextState, frozen: Mapping[str, Sequence[fl
             "`next_state` is compared with the plant at the true x, d and input; give them, and r, in the drive."
         )
     r = np.array(log.best_r)
-    for name, values in frozen.items():
-        r[:, plant.scheduling_names.index(name)] = np.array(values)[log.mode]
+    if frozen is not None:
+        r[:, -1] = frozen[log.mode]
     unmeasured = [p.name for p in first.parameters if not p.measured]
     exact = all(p.is_exact or not p.measured for m in plant.modes for p in m.parameters)
     known = set(unmeasured) == set(log.uncertainty) and (exact or log.true["true_r"] is not None)
@@ -323,9 +287,7 @@ def _sampling(log: _Log, next_state: NextState, frozen: Mapping[str, Sequence[fl
         true = next_state(x, u, d, r, q)
         off = jnp.abs(true - at("A") @ x - at("B") @ u - at("E") @ d)
         if factors is not None:
-            named = first.scheduling_names
-            rows = by_mode(plant, chosen, lambda k, s: factors[k][1](dict(zip(named, s, strict=True))))
-            directions = by_mode(plant, chosen, lambda k, s: factors[k][0])
+            directions, rows = factors_at(plant, factors, chosen)
             off = off - jnp.abs(directions) @ jnp.abs(rows @ jnp.concatenate([x, u, d]))
         return off, jnp.max(jnp.abs(true))
 
@@ -356,28 +318,3 @@ def _ends(estimate: Estimate) -> tuple[jax.Array, jax.Array]:
     assert estimate.lower is not None
     assert estimate.upper is not None
     return estimate.lower, estimate.upper
-
-
-def _held(values: np.ndarray) -> np.ndarray:
-    """The last finite value where there is none; before the first, that one; zero where there is none at all."""
-    out = np.array(values)
-    for column in out.T:
-        good = np.flatnonzero(np.isfinite(column))
-        if good.size:
-            column[:] = column[good[np.maximum(np.searchsorted(good, np.arange(column.size), side="right") - 1, 0)]]
-        else:
-            column[:] = 0.0
-    return out
-
-
-def _shaped(name: str, given: Any, shape: tuple[int, ...]) -> np.ndarray | None:
-    if given is None:
-        return None
-    values = np.asarray(given, dtype=float)
-    if values.shape != shape:
-        raise BadInput(f"`{name}` of the drive has shape {values.shape}; {shape} is needed.")
-    return values
-
-
-def _true(name: str, given: Any, shape: tuple[int, ...]) -> np.ndarray | None:
-    return None if given is None else _shaped(name, finite_array(name, given), shape)

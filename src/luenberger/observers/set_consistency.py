@@ -14,9 +14,10 @@ from luenberger.observers.small_matrix import product
 from luenberger.observers.uncertainty_bound import factor_bound
 from luenberger.observers.unknown_input import DecoupledState, UnknownInputObserver
 from luenberger.observers.zonotopic import ZonotopicObserver
-from luenberger.observers.zonotopic_plant import by_mode, factors_of, matrices
+from luenberger.observers.zonotopic_plant import Factors, by_mode, factors_of, matrices
 from luenberger.sets import Interval, Zonotope
 from luenberger.systems.switched import Switched
+from luenberger.systems.system import System
 
 SetObserver = UnknownInputObserver | ZonotopicObserver
 # Differences below this many roundings of their parts are rounding: sums along a few dozen generators and states.
@@ -42,7 +43,7 @@ def boxes_apart(box: Interval, other: Interval) -> jax.Array:
     return jnp.max(jnp.maximum(box.lower - other.upper, other.lower - box.upper), axis=-1)
 
 
-def reading_excess(true: Any, read: Any, error: float, factor: tuple[float, float]) -> jax.Array:
+def reading_excess(true: Any, read: Any, error: Any, factor: tuple[Any, Any]) -> jax.Array:
     """Return by how much a reading leaves {scale true + offset}, scale in an interval and |offset| <= error; needs the truth.
 
     Args:
@@ -160,15 +161,28 @@ def step_disagreement(observer: UnknownInputObserver, before: Zonotope, now: Zon
         columns.append(at["E"] * bound)
     factors = factors_of(plant)
     if factors is not None:
-        rows = by_mode(plant, r, lambda k, s: factors[k][1](dict(zip(plant.first.scheduling_names, s, strict=True))))
+        directions, rows = factors_at(plant, factors, r)
         where = within_bound(before.interval(), observer.state_bound)
         push = factor_bound(rows, where, u, product(jnp.abs(at["N"]), noise), bound)
-        columns.append(by_mode(plant, r, lambda k, s: factors[k][0]) * push)
+        columns.append(directions * push)
     half = jnp.abs(product(onto, jnp.concatenate(columns, axis=1))).sum(axis=1)
     parts = [product(at["A"], before.center), product(at["B"], u), -now.center]
     size = product(jnp.abs(onto), sum((jnp.abs(part) for part in parts), jnp.zeros_like(before.center))) + half
     gap = jnp.abs(product(onto, sum(parts, jnp.zeros_like(before.center))))
     return jnp.max(gap - half - _ROUNDINGS * jnp.finfo(dtype).eps * size)
+
+
+def factors_at(plant: System | Switched, factors: Factors, r: Any) -> tuple[jax.Array, jax.Array]:
+    """Return directions (nx, nk) and rows (nk, nx + nu + nd) of the uncertain factors at a sample.
+
+    Args:
+        plant: plant, or plant with modes.
+        factors: from `zonotopic_plant.factors_of`.
+        r: measured scheduling, with the signal that selects the mode.
+    """
+    names = Switched.of(plant).first.scheduling_names
+    rows = by_mode(plant, r, lambda k, s: factors[k][1](dict(zip(names, s, strict=True))))
+    return by_mode(plant, r, lambda k, s: factors[k][0]), rows
 
 
 def within_bound(box: Interval, state_bound: Any) -> Interval:

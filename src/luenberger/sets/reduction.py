@@ -14,6 +14,9 @@ import numpy as np
 
 from luenberger.core import BadInput
 
+# Up to so many columns cut off, holes are filled one after another; beyond, the program would grow and all columns are moved.
+_UNROLLED = 16
+
 
 def girard(generators: jax.Array, count: int) -> jax.Array:
     """Return at most `count` generators: the least box-like ones, and one box around the rest. The default.
@@ -70,24 +73,29 @@ def pca(generators: jax.Array, count: int) -> jax.Array:
 
 
 def _reduced(generators: jax.Array, count: int, key: jax.Array) -> jax.Array:
-    """Box the columns of least key. Columns that are kept stay where they are where that is among the first `count`."""
+    """Box the columns of least key; most of those that are kept stay where they are."""
     n, p = generators.shape
     if p <= _checked(count, n):
         return generators
     last = count - n
+    if p - count > _UNROLLED:
+        ranked = _ranked(generators, key)
+        return jnp.concatenate([ranked[:, :last], jnp.diag(jnp.abs(ranked[:, last:]).sum(axis=1))], axis=1)
     rank = _ranks(key)
     radius = jnp.where(rank >= last, jnp.abs(generators), 0.0).sum(axis=1)
-    # Moving all columns to their ranks would be a product with a p x p matrix, most of the cost. Only holes are filled
-    # instead, numbered by their ranks: the first n take the sides of the box, the others what is kept of the columns cut off.
+    # Moving all columns to their ranks would be a product with a p x p matrix, most of the cost. Only the holes are filled
+    # instead, numbered by rank: the first n take the sides of the box, the others what is kept of the columns cut off.
     front, back = rank[:count], rank[count:]
-    cut_before = (back[:, None] >= last) & (back[:, None] < front[None, :])
-    hole = front - last - cut_before.sum(axis=0, dtype=jnp.int32)
-    stays = back < last
-    turn = n + (stays[:, None] & np.tri(p - count, k=-1, dtype=bool).T).sum(axis=0, dtype=jnp.int32)
-    meets = stays[:, None] & (turn[:, None] == hole[None, :])
-    moved = jnp.where(meets[None], generators[:, count:, None], 0.0).sum(axis=1)
+    hole, turn = front - last, jnp.asarray(n, front.dtype)
+    for k in range(p - count):
+        hole = hole - ((back[k] >= last) & (back[k] < front))
+    kept = generators[:, :count]
+    for k in range(p - count):
+        stays = back[k] < last
+        kept = jnp.where(stays & (hole == turn), generators[:, count + k, None], kept)
+        turn = turn + stays
     sides = jnp.where(hole[None, :] == np.arange(n)[:, None], radius[:, None], 0.0)
-    return jnp.where(front >= last, moved + sides, generators[:, :count])
+    return jnp.where((front >= last) & (hole < n), sides, kept)
 
 
 def _ranked(generators: jax.Array, key: jax.Array) -> jax.Array:

@@ -208,7 +208,7 @@ def _factors(group: Polynomial) -> Iterator[tuple[np.ndarray, Polynomial]]:
     """Directions and rows whose products sum to a group: one of its columns and one of its rows at a time.
 
     Elimination with the largest entry as the pivot: one direction where the group has rank one, entries given back to rounding, and
-    further factors only for what the ones before leave out. Rows are weighed by their own size, so units do not matter.
+    further factors only for what the ones before leave out. Rows are weighed by their own size, so no state leads by its unit.
     """
     coefficients = [np.asarray(c, dtype=float) for _, c in group]
     rest = np.hstack(coefficients)

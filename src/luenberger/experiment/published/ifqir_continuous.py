@@ -18,7 +18,7 @@ from luenberger.systems.uncertainty import Uncertain
 def continuous_rows() -> Iterator[Row]:
     """Row of the discretisation error."""
     road, found = runs(exact=True)
-    euler = enclosed(observer(), found, road.speed[:, None])
+    euler = enclosed(observer("c4"), found, road.speed[:, None])
     held = enclosed(held_observer(GUST), found, road.speed[:, None])
     left = [int(bounds.left(found.states).sum()) for bounds in (euler, held)]
     yield judged(

@@ -60,7 +60,7 @@ def bounded(bound: float, kind: str = "filter") -> tuple[float, int]:
     """
     road = drive()
     road = replace(road, gust=road.gust * min(bound, _STRONGEST) / GUST)
-    found = cars(road, choices(adversaries=False), varying=True)
+    found = cars(road, choices(), varying=True)
     observer = _FILTERS[kind](scheduled(gust_bound=bound), initial_half_width=[START, START], count=_COUNT)
     bounds = enclosed(observer, found, np.stack([road.speed, 1 / road.speed], axis=1))
     return bounds.width, int(bounds.left(found.states).sum())

@@ -30,8 +30,7 @@ def runs(steering_error: float = 0.0, varying: bool = False, exact: bool = False
         exact: the continuous car.
     """
     road = drive()
-    unknown = choices(adversaries=not (varying or exact))
-    return road, cars(road, unknown, steering_error=steering_error, varying=varying, exact=exact)
+    return road, cars(road, choices(), steering_error=steering_error, varying=varying, exact=exact)
 
 
 def printed_errors(

@@ -95,14 +95,8 @@ def _left(share: float) -> Row:
 def _input_error() -> Row:
     """Runs whose steering is read wrongly, under an observer that believes it."""
     road, found = runs(INPUT_ERROR)
-    left = [
-        int(
-            enclosed(observer(steering_error=error) if error else observer(), found, road.speed[:, None])
-            .left(found.states)
-            .sum()
-        )
-        for error in (0.0, INPUT_ERROR)
-    ]
+    believing = (observer("c4"), observer("c4", steering_error=INPUT_ERROR))
+    left = [int(enclosed(one, found, road.speed[:, None]).left(found.states).sum()) for one in believing]
     seen = Axles.at(SPEEDS[-1])
     size = abs(float((seen.decoupled(STEP).P @ seen.sampled(STEP)[1])[0, 0])) * INPUT_ERROR
     return judged(
@@ -133,7 +127,7 @@ def _tight() -> Row:
 def _without_box() -> Row:
     """c4 with nothing known of the state but where it started."""
     road, found = runs()
-    free = enclosed(observer(bounded=False), found, road.speed[:, None])
+    free = enclosed(observer("c4", bounded=False), found, road.speed[:, None])
     bound, left = variant_enclosure("c4").width, int(free.left(found.states).sum())
     radius = max(_feedback(v) for v in SPEEDS)
     return judged(
@@ -197,7 +191,7 @@ def _exact_hull() -> Row:
     quiet = Choices(np.zeros((1, 2)), none, none, np.zeros(1), np.zeros(1, dtype=bool))
     part_road = Drive(*(getattr(road, n)[part] for n in ("time", "speed", "mode", "local", "steering", "gust")))
     found = cars(part_road, quiet)
-    bounds = enclosed(observer(), found, part_road.speed[:, None])
+    bounds = enclosed(observer("c4"), found, part_road.speed[:, None])
     ours = float((bounds.upper - bounds.lower)[0, -1, 0])
     return judged(
         "Exact set of errors after four steps",
@@ -214,7 +208,7 @@ def _exact_hull() -> Row:
 def _mode_constant() -> Row:
     """Cars whose speed follows the measured one, under the observer that takes it as constant within a mode."""
     road, found = runs(varying=True)
-    bounds = enclosed(observer(), found, road.speed[:, None])
+    bounds = enclosed(observer("c4"), found, road.speed[:, None])
     left = int(bounds.left(found.states).sum())
     rms = float(np.sqrt(np.mean((bounds.estimate - found.states)[..., 0] ** 2)))
     return judged(
