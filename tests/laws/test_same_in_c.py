@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 from catalogue import Row
+from export_plants import vectors
 from luenberger.design import Design
 from luenberger.export import Guarded, build, c_code, golden, write_c
 from luenberger.export.build import compiler
-from luenberger.export.golden import Golden, random_drive
+from luenberger.export.golden import random_drive
 from luenberger.export.rounding import run_bound
 
 DT = 0.005
-RUNS, SAMPLES = 200, 50
-# Beyond these a sine reduced in another way is another number, which is the business of no observer.
-EXTREMES = (np.nan, np.inf, -np.inf, 1e9, -1e9, 1e-320, 0.0, -0.0)
-
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
 
 
@@ -25,20 +22,9 @@ def guarded(row: Row, design: Design) -> Guarded:
     return Guarded.of(observer, design.system, certificate=design.certificate)
 
 
-def vectors(watched: Guarded, dtype: type) -> Golden:
-    """Half of the runs see extremes: what is not finite, what is huge, what lies outside the domain."""
-    rng = np.random.default_rng(1)
-    x0, *signals = random_drive(watched, SAMPLES, RUNS)
-    for signal in signals:
-        hit = rng.random(signal.shape) < 0.03
-        hit[: RUNS // 2] = False
-        signal[hit] = rng.choice(EXTREMES, size=int(hit.sum()))
-    return golden(watched, x0, *signals, dtype=dtype)
-
-
 def test_ten_thousand_samples_agree_under_sanitizers(row: Row, design: Design, tmp_path: Path) -> None:
     watched = guarded(row, design)
-    run = vectors(watched, np.float64)
+    run = vectors(watched)
     assert np.isfinite(run.estimate).all()
     assert "not_finite" in watched.flags
     assert (run.status & 1).any()

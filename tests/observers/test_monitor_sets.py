@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -133,28 +134,26 @@ def clean() -> Drive:
     return log(unknowns())
 
 
-def box(observer: Any, run: Drive) -> Estimate:
-    def scanned() -> Estimate:
-        signals = tuple(jnp.asarray(s) for s in (run.u, run.y, run.r))
-        return jax.lax.scan(lambda state, now: observer.step(state, *now), observer.init(jnp.zeros(2)), signals)[1]
-
-    return jax.jit(scanned)()
+@eqx.filter_jit
+def box(observer: Any, u: Any, y: Any, r: Any) -> Estimate:
+    start = observer.init(jnp.zeros(2))
+    return jax.lax.scan(lambda state, now: observer.step(state, *now), start, (u, y, r))[1]
 
 
 def outside(observer: Any, run: Drive) -> np.ndarray:
-    estimate = box(observer, run)
+    estimate = box(observer, *(jnp.asarray(s) for s in (run.u, run.y, run.r)))
     # A state on its bound is not outside: rounding of a run.
     return np.asarray(containment_excess(run.x, estimate.lower, estimate.upper)) - 1e-12
 
 
-@pytest.mark.parametrize("car", [0, 1, 6])
+@pytest.mark.parametrize("car", [0, 6])
 def test_a_clean_run_names_nothing(car: int) -> None:
     found = watched(log(unknowns(), car))
     assert {name for name, a in found.items() if not a.held.all()} == set()
     assert list(found) == WATCHED
 
 
-@pytest.mark.parametrize("car", [0, 1, 6])
+@pytest.mark.parametrize("car", [0, 6])
 @pytest.mark.parametrize("kind", [ZonotopicFilter, ZonotopicKalmanFilter])
 def test_a_clean_run_of_a_zonotopic_observer_names_nothing(kind: Any, car: int) -> None:
     found = watched(log(unknowns(), car), system=plant(1, 800.0), observer=filtered(kind))
@@ -194,8 +193,7 @@ def restless() -> Drive:
 
 def misread() -> Drive:
     """The speed is read in the wrong mode at one sample."""
-    run = log(unknowns())
-    run.r[:, 0] = gust.SPEEDS[0]
+    run = replace(log(unknowns()), r=np.full((SAMPLES, 1), gust.SPEEDS[0]))
     return replace(run, true_r=np.where(np.arange(SAMPLES)[:, None] == 70, 12.0, gust.SPEEDS[0]))
 
 
@@ -266,10 +264,18 @@ def test_sampling_of_the_continuous_car_is_named() -> None:
     # Euler's rule at 0.06 s is off by some centimetres per second, not by rounding.
     assert 1e-3 < worst < 0.1
     assert broken(watched(run, next_state=continuous, sampling_bound=[worst + 1e-9] * 2)) == []
-    # A stiffness that is not known may be any in its interval, which explains some of it.
-    free = watched(replace(run, uncertainty={}), next_state=continuous)
-    assert free["sampling"].worst < worst
-    assert broken(watched(replace(run, uncertainty={}))) == []
+
+
+def test_sampling_with_parameters_that_nobody_knows() -> None:
+    run = replace(clean(), uncertainty={})
+
+    def stiff(step: Any, **scale: float) -> Any:
+        known = {name: scale.get(name, 1.0) * middle for name, middle in STIFFNESS.items()}
+        return lambda x, u, d, r, q: step(x, u, d, r, known)
+
+    # Any stiffness of the interval explains the next state, one beyond does not.
+    assert broken(watched(run, next_state=stiff(euler, front_stiffness=1.1))) == []
+    assert broken(watched(run, next_state=stiff(euler, front_stiffness=1.2))) == ["sampling"]
 
 
 def test_noise_and_steering_are_judged_by_what_they_do_where_they_are_not_known_themselves() -> None:
@@ -292,7 +298,10 @@ def test_gusts_beyond_their_bound_contradict_consecutive_sets() -> None:
     found = watched(strong, **bounded)
     assert "disturbance 1" in broken(found)
     assert not found[name].held.all()
-    assert found[name].first_break_time >= found["disturbance 1"].first_break_time
+    early, late = found["disturbance 1"].first_break_time, found[name].first_break_time
+    assert early is not None
+    assert late is not None
+    assert late >= early
     # A gust without a bound explains everything.
     assert watched(strong)[name].held.all()
 
@@ -308,6 +317,7 @@ def test_a_set_outside_the_state_bound_is_seen_on_the_road() -> None:
 
 def test_outputs_contradict_a_zonotopic_prediction() -> None:
     run = log(unknowns())
+    assert run.y is not None
     run.y[70] += 0.2
     road = Drive(run.time, r=run.r, u=run.u, y=run.y)
     found = watched(road, system=plant(1, 800.0), observer=filtered(), next_state=None)
@@ -341,7 +351,7 @@ def test_a_scheduled_car_with_a_speed_read_wrong() -> None:
     right = replace(run, r=signals(true + off), true_r=signals(true))
     assert broken(watched(right, **options)) == []
     assert {"range of speed", "error of inverse_speed"} <= set(watched(right, **options))
-    off[80] = 0.5
+    off[40] = 0.5
     found = watched(replace(right, r=signals(true + off)), **options)
     assert broken(found) == ["error of speed"]
     assert found["error of speed"].worst == pytest.approx(0.3)
@@ -356,7 +366,7 @@ def test_a_start_set_that_is_no_box() -> None:
     start = Zonotope.of(ZERO, [[0.02, 0.002], [0.02, -0.002]])
     run = clean()
     for first, inside in (([0.02, 0.02], True), ([0.02, -0.02], False)):
-        x = run.x.copy()
+        x = np.array(run.x)
         x[0] = first
         found = monitor_sets(plant(), replace(run, x=x), estimator(), start)
         assert [a.held.all() for a in found if a.name == "state inside at the start"] == [inside]
@@ -396,12 +406,13 @@ def test_disagreement_of_a_second_output_by_hand() -> None:
     observer, r = two_outputs(), jnp.zeros(0)
     state = observer.init(jnp.zeros(2))
     # The start set explains |y| <= 0.1 + 0.01 and 0.2 + 0.01.
+    disagreement = eqx.filter_jit(output_disagreement)
     for y, expected in (([0.3, 0.0], 0.19), ([0.0, 0.3], 0.09), ([0.1, 0.1], -0.01)):
-        assert float(output_disagreement(observer, state, [], jnp.array(y), r)) == pytest.approx(expected, abs=1e-9)
-    after, _ = observer.step(state, [], jnp.zeros(2), r)
+        assert float(disagreement(observer, state, jnp.zeros(0), jnp.array(y), r)) == pytest.approx(expected, abs=1e-9)
+    after, _ = observer.step(state, jnp.zeros(0), jnp.zeros(2), r)
     # One step on the first output is believed; of the second half of the start set is left.
     for y, expected in (([9.0, 0.1], 0.0), ([9.0, 0.3], 0.19)):
-        found = float(output_disagreement(observer, after, [], jnp.array(y), r))
+        found = float(disagreement(observer, after, jnp.zeros(0), jnp.array(y), r))
         assert found == pytest.approx(expected, abs=1e-9)
         assert (found > 0) == (expected > 0)
 
@@ -410,18 +421,18 @@ def test_disagreement_of_two_sets_by_hand() -> None:
     r = jnp.zeros(0)
     before, now = Zonotope.of(ZERO, 0.2 * np.eye(2)), Zonotope.of([3.0, 0.15], 0.01 * np.eye(2))
     # From [-0.2, 0.2] comes [-0.1, 0.1], and the first state is free; with |d| <= 1 it is not.
-    assert float(step_disagreement(two_outputs(), before, now, [], r)) == pytest.approx(0.04, abs=1e-9)
-    assert float(step_disagreement(two_outputs(1.0), before, now, [], r)) == pytest.approx(1.89, abs=1e-9)
+    assert float(step_disagreement(two_outputs(), before, now, jnp.zeros(0), r)) == pytest.approx(0.04, abs=1e-9)
+    assert float(step_disagreement(two_outputs(1.0), before, now, jnp.zeros(0), r)) == pytest.approx(1.89, abs=1e-9)
 
 
 def test_the_set_of_a_sample_is_what_the_observer_reports() -> None:
     run, observer = clean(), estimator()
     state = observer.init(jnp.zeros(2))
-    for k in range(3):
-        held = current_set(observer, state, run.y[k], run.r[k]).interval()
-        state, estimate = observer.step(state, run.u[k], run.y[k], run.r[k])
-        np.testing.assert_allclose(held.lower, estimate.lower, rtol=1e-12)
-        np.testing.assert_allclose(held.upper, estimate.upper, rtol=1e-12)
+    for u, y, r in zip(np.array(run.u)[:3], np.array(run.y)[:3], np.array(run.r)[:3], strict=True):
+        held = current_set(observer, state, y, r).interval()
+        state, estimate = observer.step(state, u, y, r)
+        np.testing.assert_allclose(held.lower, np.asarray(estimate.lower), rtol=1e-12)
+        np.testing.assert_allclose(held.upper, np.asarray(estimate.upper), rtol=1e-12)
 
 
 def test_a_predictor_inside_a_scan() -> None:
@@ -445,6 +456,7 @@ def test_what_does_not_fit_is_refused() -> None:
         (replace(run, uncertainty={"grip": np.zeros(SAMPLES)}), {}, "grip"),
         (replace(run, y=None), {}, "x0"),
         (run, {"frozen": [8.5, 13.5]}, "frozen"),
+        (run, {"sampling_bound": [0.1]}, "sampling_bound"),
         (replace(run, disturbance=None), {}, "next_state"),
     )
     for drive_, options, match in bad:

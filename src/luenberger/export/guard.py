@@ -17,6 +17,7 @@ from luenberger.core.checks import finite_array
 from luenberger.export.signals import Signals
 from luenberger.observers import Estimate, Observer
 from luenberger.observers.gaussian import GaussianFilter
+from luenberger.observers.plant import state_vector
 from luenberger.systems import Parameter, Switched, System
 
 # Flag -> what it says. Their order is the order of the bits of the status word.
@@ -133,7 +134,7 @@ class Guarded(eqx.Module):
             x0: first guess, shape (nx,).
         """
         inner = self.observer.init(x0)
-        dtype = jax.tree.leaves(inner)[0].dtype
+        dtype = state_vector(x0, len(self.signals.states)).dtype
         middles = [0.5 * (a + b) for a, b in self.ranges]
         middle = jnp.asarray([*middles, *[0.0] * (len(self.signals.scheduling) - len(middles))], dtype)
         u, y = (jnp.zeros(len(names), dtype) for names in (self.signals.inputs, self.signals.outputs))
@@ -163,7 +164,8 @@ class Guarded(eqx.Module):
             if fast:
                 raised["scheduling_rate"] = jnp.any(jnp.stack(fast)) & (state.started > 0)
         inner, estimate = self.observer.step(state.observer, u, masked, clipped)
-        fine = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(inner)]))
+        shown = [*jax.tree.leaves(inner), estimate.x]
+        fine = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in shown]))
         inner = jax.tree.map(lambda new, old: jnp.where(fine, new, old), inner, state.observer)
         raised["not_finite"] = lost | ~fine
         raised |= self._watched(estimate, u, masked, clipped)

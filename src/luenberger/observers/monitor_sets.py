@@ -31,7 +31,7 @@ from luenberger.observers.set_consistency import (
 )
 from luenberger.observers.set_log import SetLog
 from luenberger.observers.unknown_input import DecoupledState, UnknownInputObserver
-from luenberger.observers.zonotopic_plant import by_mode, factors_of
+from luenberger.observers.zonotopic_plant import Factors, by_mode, factors_of
 from luenberger.sets import Interval, Zonotope
 from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
@@ -76,7 +76,8 @@ def monitor_sets(
             `drive.true_r`.
         next_state: true state at the next sample from x, u, d, true scheduling and unmeasured parameters of this one, all held
             over the step; a JAX function. The scheduling holds the value of the mode where `frozen` tells it, so that a signal
-            that moves within a mode does not pass for an error of sampling.
+            that moves within a mode does not pass for an error of sampling. Of unmeasured parameters it gets those in the drive; where
+            one is missing, the plant may have any in its interval.
         sampling_bound: what of an error of sampling the plant covers by other means, shape (nx,); left out: nothing.
 
     Returns:
@@ -107,6 +108,10 @@ def monitor_sets(
         _watch_observer(log, observer, x0, add)
     if next_state is not None:
         bound = np.zeros(plant.first.nx) if sampling_bound is None else finite_array("sampling_bound", sampling_bound)
+        if bound.shape != (plant.first.nx,):
+            raise BadInput(
+                f"`sampling_bound` has shape {bound.shape}; ({plant.first.nx},) is needed, one for each state."
+            )
         excess, size = _sampling(log, next_state, at)
         add("sampling", np.max(excess - bound, axis=-1), "", size, True)
     return tuple(found)
@@ -273,7 +278,21 @@ def _sampling(log: SetLog, next_state: NextState, frozen: np.ndarray | None) -> 
     unmeasured = [p.name for p in first.parameters if not p.measured]
     exact = all(p.is_exact or not p.measured for m in plant.modes for p in m.parameters)
     known = set(unmeasured) == set(log.uncertainty) and (exact or log.true["true_r"] is not None)
-    factors = None if known else factors_of(plant)
+    # The mode is the one that was measured, whatever the true scheduling within it.
+    chosen = np.array(log.best_r)
+    if plant.signal and log.r is not None and plant.signal not in first.scheduling_names:
+        chosen[:, -1] = log.r[:, -1]
+    signals = tuple(jnp.asarray(s) for s in (x, log.input, d, r, chosen))
+    q = {n: jnp.asarray(v) for n, v in log.uncertainty.items()}
+    off, size = _residual(plant, factors_of(plant), next_state, known, signals, q)
+    return np.asarray(off), float(size.max())
+
+
+@eqx.filter_jit
+def _residual(
+    plant: Switched, factors: Factors | None, next_state: NextState, known: bool, signals: Any, q: dict[str, jax.Array]
+) -> tuple[jax.Array, jax.Array]:
+    """How far true next states lie from what the plant makes of x, u, d, and how large they are."""
 
     def one(x: Any, u: Any, d: Any, r: Any, chosen: Any, q: dict[str, Any]) -> tuple[jax.Array, jax.Array]:
         def at(letter: str) -> jax.Array:
@@ -286,18 +305,12 @@ def _sampling(log: SetLog, next_state: NextState, frozen: np.ndarray | None) -> 
 
         true = next_state(x, u, d, r, q)
         off = jnp.abs(true - at("A") @ x - at("B") @ u - at("E") @ d)
-        if factors is not None:
+        if factors is not None and not known:
             directions, rows = factors_at(plant, factors, chosen)
             off = off - jnp.abs(directions) @ jnp.abs(rows @ jnp.concatenate([x, u, d]))
         return off, jnp.max(jnp.abs(true))
 
-    # The mode is the one that was measured, whatever the true scheduling within it.
-    chosen = np.array(log.best_r)
-    if plant.signal and log.r is not None and plant.signal not in first.scheduling_names:
-        chosen[:, -1] = log.r[:, -1]
-    signals = [jnp.asarray(s) for s in (x, log.input, d, r, chosen)]
-    off, size = jax.jit(jax.vmap(one))(*signals, {n: jnp.asarray(v) for n, v in log.uncertainty.items()})
-    return np.asarray(off), float(size.max())
+    return jax.vmap(one)(*signals, q)
 
 
 def _start_excess(start: Zonotope, x: np.ndarray) -> float:

@@ -12,10 +12,12 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from luenberger.algebra import Polynomial
 from luenberger.core import BadInput, Outcome
-from luenberger.design import Design
+from luenberger.design import Design, SwitchedDesign
 from luenberger.report.figures import Figure, Kind
 from luenberger.report.tables import Table, gain_table
+from luenberger.systems import Switched
 
 # Drag zooms, a double click shows all again; without the logo and the buttons nobody needs. The button that uploads a chart
 # to a web service is on by default and must not be: what stands on the page stays with its reader.
@@ -48,7 +50,7 @@ class Page:
     title: str
     summary: str
     assumptions: Sequence[str]
-    designs: Mapping[str, Design]
+    designs: Mapping[str, Design | SwitchedDesign]
     scores: Table
     figures: Sequence[Figure]
     citations: Sequence[str] = ()
@@ -117,11 +119,12 @@ def _as_script(data: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026").replace("\u2028", "\\u2028")
 
 
-def _certified(name: str, design: Design, colour: str | None) -> dict[str, Any]:
+def _certified(name: str, design: Design | SwitchedDesign, colour: str | None) -> dict[str, Any]:
     """Return what the template shows of one design."""
+    plant = Switched.of(design.system).first
     proofs = [
         {
-            "sentence": proof.claim.sentence(design.system.dt is not None),
+            "sentence": proof.claim.sentence(plant.dt is not None),
             "kind": proof.claim.kind.replace("_", " "),
             "level": f"{proof.claim.level:.6g}",
             "margin": f"{proof.margin:.2g}" if proof.margin else "–",
@@ -139,12 +142,23 @@ def _certified(name: str, design: Design, colour: str | None) -> dict[str, Any]:
         "whole": design.certificate.outcome is Outcome.PROVED,
         "proofs": proofs,
         "assumptions": design.certificate.assumptions,
-        "gains": [
-            (heading, Markup(gain_table(gain, design.system).as_html()))
-            for heading, gain in (("Its gain", design.gain), ("Its gain in the argument of f", design.argument_gain))
-            if gain is not None
-        ],
+        "gains": [(heading, Markup(gain_table(gain, plant).as_html())) for heading, gain in _gains(design)],
     }
+
+
+def _gains(design: Design | SwitchedDesign) -> list[tuple[str, Polynomial]]:
+    """Heading and matrix of every gain."""
+    if isinstance(design, SwitchedDesign):
+        modes = enumerate(zip(design.gains, design.decoupling, strict=True), start=1)
+        parts = [(k, what, M) for k, pair in modes for what, M in zip(("gain", "decoupling matrix"), pair, strict=True)]
+        where = "" if len(design.gains) == 1 else ", mode {}"
+        return [(f"Its {what}{where.format(k)}", M) for k, what, M in parts]
+    named = {
+        "Its gain": design.gain,
+        "Its gain in the argument of f": design.argument_gain,
+        "Its gain on the current output": design.filter_gain,
+    }
+    return [(heading, gain) for heading, gain in named.items() if gain is not None]
 
 
 def _options_text(options: Mapping[str, Any]) -> str:

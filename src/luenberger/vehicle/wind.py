@@ -39,7 +39,8 @@ def wind_plant(
         stiffness: intervals of Cf and Cr [N/rad], which become the unmeasured front_stiffness and rear_stiffness.
         yaw_rate_noise: bound of the error of the gyro [rad/s].
         steering_error: bound of the error of the steering angle [rad].
-        speed_error: bound of the error of the speed [m/s]; the error of its inverse follows from it.
+        speed_error: bound of the error of the speed [m/s]. The error of its inverse follows at the slowest speed, so a wide range is
+            better split into plants of a few m/s each, as modes of a `Switched`.
         gust_bound: largest |fw| [N] trusted; left out: none, the gust has to be decoupled.
 
     Returns:

@@ -6,6 +6,8 @@ from pathlib import Path
 from luenberger.experiment.published import (
     conservatism_figure,
     guaranteed_estimation,
+    ifqir,
+    ifqir_figures,
     lipschitz_conservatism,
     relaxation_study,
     relaxations,
@@ -30,6 +32,7 @@ SOURCES: Mapping[str, Callable[[Progress | None], list[Row]]] = {
     "wang-relaxations": relaxation_study.rows,
     "lipschitz-conservatism": lipschitz_conservatism.rows,
     "guaranteed-estimation": guaranteed_estimation.rows,
+    "ifqir": ifqir.rows,
 }
 # Papers whose figures are drawn again on a page.
 PAGES: Mapping[str, Callable[[Path], Path]] = {
@@ -37,6 +40,7 @@ PAGES: Mapping[str, Callable[[Path], Path]] = {
     "wang-interval": wang_figures.write_page,
     "wang-nonlinear": wang_nonlinear_figures.write_page,
     "lipschitz-conservatism": conservatism_figure.write_page,
+    "ifqir": ifqir_figures.write_page,
 }
 
 __all__ = ["PAGES", "SOURCES", "Row", "Verdict"]
