@@ -9,8 +9,9 @@ import pytest
 
 from export_plants import scheduled, vectors
 from luenberger.algebra import Polynomial
-from luenberger.export import Guarded, Signals, build, c_code, write_c
+from luenberger.export import Golden, Guarded, Signals, build, c_code, golden, write_c
 from luenberger.export.build import compiler
+from luenberger.export.golden import random_drive
 from luenberger.observers import (
     AlgebraicEstimate,
     ExtendedKalmanFilter,
@@ -84,13 +85,21 @@ BUILT: dict[str, Callable[[], Guarded]] = {
 }
 
 
+def _agrees(watched: Guarded, run: Golden, folder: Path, tolerance: float) -> bool:
+    write_c(c_code(watched, "kept"), run, folder, tolerance=tolerance)
+    said = build(folder, "kept", sanitize=True)
+    assert said.agrees, said.says
+    return said.agrees
+
+
 @pytest.mark.parametrize("name", BUILT)
 def test_the_exported_step_is_the_python_step(name: str, tmp_path: Path) -> None:
     watched = BUILT[name]()
     run = vectors(watched, 50, 40)
-    write_c(c_code(watched, "kept"), run, tmp_path, tolerance=1e-12)
-    said = build(tmp_path, "kept", sanitize=True)
-    assert said.agrees, said.says
+    if name == "unscented Kalman":
+        # After an output of 1e9 its covariance is the difference of points that far apart; without that it agrees like the others.
+        assert _agrees(watched, golden(watched, *random_drive(watched, 50, 40)), tmp_path, 1e-12)
+    assert _agrees(watched, run, tmp_path, 1e-6 if name == "unscented Kalman" else 1e-12)
     # The extremes were met, and no estimate was lost to them.
     assert (run.status & 1).any()
     assert np.isfinite(run.estimate[: len(run.estimate) // 2]).all()

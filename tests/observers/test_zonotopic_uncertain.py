@@ -184,16 +184,26 @@ def test_a_plant_known_exactly_has_no_factors_and_keeps_its_arrays() -> None:
 
 
 def test_what_is_known_of_e_at_run_time_is_no_factor() -> None:
-    # E = p: at p = 0 the disturbance does nothing, whatever else is uncertain.
+    # E = p is read at run time, so d enters once, whatever else is uncertain.
     E = Polynomial.affine(np.zeros((2, 1)), p=np.array([[1.0], [0.0]]))
     parameters = [Parameter("a", -0.1, 0.1, measured=False), Parameter("p", -1.0, 1.0)]
     widths = []
     for bound in (0.0, 5.0):
         plant = uncertain(E=E, parameters=parameters, disturbance_bound=[bound])
         observer = ZonotopicLuenberger(plant, L, **OPTIONS)
-        after = stepped(observer, jnp.zeros(2), np.zeros(1), np.zeros(1), np.zeros(1))[0]
+        after = stepped(observer, jnp.zeros(2), np.zeros(1), np.zeros(1), np.full(1, 0.5))[0]
         widths.append(np.asarray(after.interval().radius))
-    np.testing.assert_allclose(widths[0], widths[1], rtol=1e-14)
+    np.testing.assert_allclose(widths[1] - widths[0], [0.5 * 5.0, 0.0], atol=1e-13)
+
+
+def test_factors_act_on_the_true_input() -> None:
+    # Measured 1.0 to 0.02 may be 1.02: what a does to B is as if 1.02 were measured exactly; B N v comes on top.
+    still, start = np.zeros(1), Zonotope.of([0.0, 0.0], np.zeros((2, 2)))
+    radii = []
+    for error, u in ((0.02, 1.0), (0.0, 1.02)):
+        observer = ZonotopicLuenberger(uncertain(noise_bound=[0.05, error]), L, **OPTIONS)
+        radii.append(np.asarray(stepped(observer, start, np.array([u]), still, still)[0].interval().radius))
+    np.testing.assert_allclose(radii[0] - radii[1], [0.02 * 1.0, 0.02 * 0.5], atol=1e-14)
 
 
 def test_the_box_that_is_never_left_bounds_the_factors() -> None:

@@ -111,7 +111,9 @@ def trace(function: Callable[..., Any], *arguments: Any) -> Trace:
             array[index] = graph.input()
         inputs.append(array)
     reader = Reader(graph)
-    found = [np.asarray(f, dtype=object) for f in reader.read(closed.jaxpr, closed.consts, inputs)]
+    # What is known beforehand is computed on the spot; NaN and infinity may arise there silently, as they do in JAX.
+    with np.errstate(all="ignore"):
+        found = [np.asarray(f, dtype=object) for f in reader.read(closed.jaxpr, closed.consts, inputs)]
     operations, kept = pruned(graph.operations, [graph.lift(e).index for f in found for e in f.flat])
     ends = np.cumsum([0, *(f.size for f in found)])
     outputs = tuple(

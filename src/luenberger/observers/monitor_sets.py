@@ -17,6 +17,7 @@ from luenberger.core import BadInput
 from luenberger.core.checks import finite_array
 from luenberger.observers.monitor import Assumption, Drive, box_excess
 from luenberger.observers.observer import Estimate
+from luenberger.observers.plant import Fixed
 from luenberger.observers.set_consistency import (
     SetObserver,
     boxes_apart,
@@ -31,7 +32,7 @@ from luenberger.observers.set_consistency import (
 )
 from luenberger.observers.set_log import SetLog
 from luenberger.observers.unknown_input import DecoupledState, UnknownInputObserver
-from luenberger.observers.zonotopic_plant import Factors, by_mode, factors_of
+from luenberger.observers.zonotopic_plant import by_mode, factors_of
 from luenberger.sets import Interval, Zonotope
 from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
@@ -284,17 +285,20 @@ def _sampling(log: SetLog, next_state: NextState, frozen: np.ndarray | None) -> 
         chosen[:, -1] = log.r[:, -1]
     signals = tuple(jnp.asarray(s) for s in (x, log.input, d, r, chosen))
     q = {n: jnp.asarray(v) for n, v in log.uncertainty.items()}
-    off, size = _residual(plant, factors_of(plant), next_state, known, signals, q)
+    off, size = _residual(Fixed((plant, factors_of(plant))), next_state, known, signals, q)
     return np.asarray(off), float(size.max())
 
 
 @eqx.filter_jit
 def _residual(
-    plant: Switched, factors: Factors | None, next_state: NextState, known: bool, signals: Any, q: dict[str, jax.Array]
+    held: Fixed[tuple[Switched, Any]], next_state: NextState, known: bool, signals: Any, q: dict[str, jax.Array]
 ) -> tuple[jax.Array, jax.Array]:
     """How far true next states lie from what the plant makes of x, u, d, and how large they are."""
+    plant, factors = held.value
 
-    def one(x: Any, u: Any, d: Any, r: Any, chosen: Any, q: dict[str, Any]) -> tuple[jax.Array, jax.Array]:
+    def one(sample: Any, q: dict[str, Any]) -> tuple[jax.Array, jax.Array]:
+        x, u, d, r, chosen = sample
+
         def at(letter: str) -> jax.Array:
             def value(k: int, s: Any) -> Any:
                 mode = plant.modes[k]
@@ -310,7 +314,7 @@ def _residual(
             off = off - jnp.abs(directions) @ jnp.abs(rows @ jnp.concatenate([x, u, d]))
         return off, jnp.max(jnp.abs(true))
 
-    return jax.vmap(one)(*signals, q)
+    return jax.vmap(one)(signals, q)
 
 
 def _start_excess(start: Zonotope, x: np.ndarray) -> float:
