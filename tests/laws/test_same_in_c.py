@@ -7,35 +7,40 @@ import pytest
 
 from catalogue import Row
 from export_plants import vectors
-from luenberger.design import Design
+from luenberger.design import Design, SwitchedDesign
 from luenberger.export import Guarded, build, c_code, golden, write_c
 from luenberger.export.build import compiler
 from luenberger.export.golden import random_drive
 from luenberger.export.rounding import run_bound
+from luenberger.systems import Switched
 
 DT = 0.005
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
 
 
-def guarded(row: Row, design: Design) -> Guarded:
-    observer = design.observer(design.system.dt or DT, **row.options)
+def guarded(row: Row, design: Design | SwitchedDesign) -> Guarded:
+    observer = design.observer(Switched.of(design.system).first.dt or DT, **row.options)
     return Guarded.of(observer, design.system, certificate=design.certificate)
 
 
-def test_ten_thousand_samples_agree_under_sanitizers(row: Row, design: Design, tmp_path: Path) -> None:
-    watched = guarded(row, design)
+def test_ten_thousand_samples_agree_under_sanitizers(
+    any_row: Row, any_design: Design | SwitchedDesign, tmp_path: Path
+) -> None:
+    watched = guarded(any_row, any_design)
     run = vectors(watched)
     assert np.isfinite(run.estimate).all()
     assert "not_finite" in watched.flags
     assert (run.status & 1).any()
     # Sums in another order and another mathematical library: a few units a step, relative to the largest value met so far.
-    write_c(c_code(watched, "law", certificate=design.certificate), run, tmp_path, tolerance=1e-12)
+    write_c(c_code(watched, "law", certificate=any_design.certificate), run, tmp_path, tolerance=1e-12)
     said = build(tmp_path, "law", sanitize=True)
     assert said.agrees, said.says
 
 
-def test_single_precision_stays_within_its_derived_bound(row: Row, design: Design, tmp_path: Path) -> None:
-    watched = guarded(row, design)
+def test_single_precision_stays_within_its_derived_bound(
+    any_row: Row, any_design: Design | SwitchedDesign, tmp_path: Path
+) -> None:
+    watched = guarded(any_row, any_design)
     written = c_code(watched, "law", precision="float")
     drive = [a.astype(np.float32) for a in random_drive(watched, 4, 3, seed=2)]
     single = golden(watched, *drive, dtype=np.float32)

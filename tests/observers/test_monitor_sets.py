@@ -10,23 +10,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.scipy.linalg import expm
 
 from luenberger.core import BadInput
-from luenberger.experiment.published.ifqir_drive import Choices, cars, choices, drive
+from luenberger.experiment.published.ifqir_drive import drive
 from luenberger.observers.monitor import Assumption, Drive, containment_excess, explain
 from luenberger.observers.monitor_sets import CONTRADICTIONS, monitor_sets
 from luenberger.observers.observer import Estimate
-from luenberger.observers.set_log import SetLog
 from luenberger.observers.unknown_input import UnknownInputObserver
 from luenberger.observers.zonotopic import ZonotopicFilter, ZonotopicKalmanFilter
 from luenberger.sets import Zonotope
-from luenberger.systems import Parameter, Switched, System
-from luenberger.vehicle import gust_car, wind_plant
+from luenberger.systems import Switched
 from observers import gust_drive as gust
+from observers.gust_logs import SAMPLES, STEERING_ERROR, STIFFNESS, continuous, euler, log, unknowns
 
-SAMPLES, STEERING_ERROR, ZERO = 150, 0.002, np.zeros(2)
-STIFFNESS = {"front_stiffness": gust_car.front_stiffness, "rear_stiffness": gust_car.rear_stiffness}
+ZERO = np.zeros(2)
 
 
 @cache
@@ -64,48 +61,6 @@ WATCHED = [
     "state inside at the start",
     "sampling",
 ]
-
-
-def unknowns(seed: int = 3) -> Choices:
-    """One random car and eight at vertices of everything that nobody knows."""
-    return choices(SAMPLES, random=1, adversaries=False, seed=seed)
-
-
-def log(unknown: Choices, car: int = 0, varying: bool = False, **road: Any) -> Drive:
-    """All that a simulation knows of one car on the drive."""
-    way = replace(drive(SAMPLES), **road)
-    found = cars(way, unknown, steering_error=STEERING_ERROR, varying=varying)
-    speed = way.speed if varying else way.local
-    return Drive(
-        way.time,
-        r=way.speed[:, None],
-        u=found.steering[car],
-        y=found.outputs[car],
-        x=found.states[car],
-        true_r=speed[:, None],
-        noise=unknown.noise[:, car] * [0.005, STEERING_ERROR],
-        disturbance=way.gust[:, None],
-        uncertainty={
-            name: middle * (1 + 0.1 * unknown.stiffness[:, car, k])
-            for k, (name, middle) in enumerate(STIFFNESS.items())
-        },
-    )
-
-
-def euler(x: Any, u: Any, d: Any, r: Any, q: dict[str, Any]) -> Any:
-    """The sampled car as the modes have it."""
-    plant = gust.car()
-    values = {"speed": r[0], "inverse_speed": 1 / r[0]} | q
-    return sum((plant.polynomial(letter)(values) @ part for letter, part in zip("ABE", (x, u, d), strict=True)), ZERO)
-
-
-def continuous(x: Any, u: Any, d: Any, r: Any, q: dict[str, Any]) -> Any:
-    """The car itself, with everything held over the step."""
-    plant = wind_plant(gust_car, (6.0, 19.9), gust_arm=gust.ARM, stiffness=((54e3, 66e3), (58.5e3, 71.5e3)))
-    values = {"speed": r[0], "inverse_speed": 1 / r[0]} | q
-    A, B, E = (plant.polynomial(letter)(values) for letter in "ABE")
-    block = jnp.zeros((3, 3)).at[:2, :2].set(A).at[:2, 2].set(B @ u + E @ d)
-    return (expm(gust.STEP * block) @ jnp.append(x, 1.0))[:2]
 
 
 def watched(found: Drive, **options: Any) -> dict[str, Assumption]:
@@ -378,28 +333,3 @@ def test_what_does_not_fit_is_refused() -> None:
             watched(drive_, **options)
     with pytest.raises(BadInput, match="x0"):
         monitor_sets(plant(), run, estimator())
-
-
-def test_a_log_holds_what_was_read_last_and_knows_the_bounds_of_its_mode() -> None:
-    first, second = (
-        System.lpv(
-            [[0.5]], G=[[1.0, 0.0]], N=np.zeros((0, 2)), noise_bound=[0.1, 0.2], dt=0.1,
-            parameters=[Parameter("p", low, low + 1.0, error=0.1 * (1 + low))],
-        )
-        for low in (0.0, 2.0)
-    )  # fmt: skip
-    r = np.array([[np.nan, 0.0], [1.0, 0.0], [np.nan, 1.0], [2.5, 1.0]])
-    log = SetLog(Switched.of([first, second]), Drive(np.arange(4.0), r=r))
-    assert log.r is not None
-    np.testing.assert_array_equal(log.r[:, 0], [1.0, 1.0, 1.0, 2.5])
-    np.testing.assert_array_equal(log.mode, [0, 0, 1, 1])
-    np.testing.assert_allclose(log.trusted("p")[:3], [[0, 0, 2, 2], [1, 1, 3, 3], [0.1, 0.1, 0.3, 0.3]])
-    blind = SetLog(Switched.of([first, second]), Drive(np.arange(4.0)))
-    np.testing.assert_allclose(blind.trusted("p")[:, 0], [0.0, 3.0, 0.3, 1.0, 1.0])
-    found = {a.name: a for a in monitor_sets([first, second], Drive(np.arange(4.0), r=r))}
-    # 1 lies below [2, 3] by more than it may be misread, but it was not read then.
-    assert found["range of p"].held.all()
-    r[2, 0] = 1.0
-    assert {a.name: a for a in monitor_sets([first, second], Drive(np.arange(4.0), r=r))}[
-        "range of p"
-    ].worst == pytest.approx(0.7)

@@ -18,7 +18,7 @@ class Table:
 
     Args:
         name: C identifier.
-        values: entries in C order; zeros are left out of the arithmetic.
+        values: entries in C order; zeros and infinities are left out of the arithmetic.
     """
 
     name: str
@@ -80,8 +80,8 @@ def program(guarded: Guarded) -> Program:
     s = guarded.signals
 
     def whole(tables: Any) -> Guarded:
-        # Known zeros stay known, so that sparse gains cost nothing.
-        mixed = [jnp.where(a == 0.0, 0.0, t) for a, t in zip(arrays, tables, strict=True)]
+        # Zeros and infinities stay known, so that sparse gains and bounds that are none cost nothing.
+        mixed = [jnp.where((a == 0.0) | ~np.isfinite(a), a, t) for a, t in zip(arrays, tables, strict=True)]
         observer = eqx.combine(jax.tree.unflatten(tree, mixed), rest)
         return eqx.tree_at(lambda g: g.observer, guarded, observer)
 

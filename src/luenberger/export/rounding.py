@@ -1,5 +1,6 @@
 """How far two correct evaluations of a step in finite precision may lie apart: a bound from the operations, not from trials."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -91,7 +92,8 @@ def run_bound(read: Program, precision: str, x0: Any, u: Any, y: Any, r: Any) ->
         r: scheduling signals, shape (nt, nr).
     """
     arithmetic = RoundedArithmetic(precision)
-    tables = [arithmetic.constant(v) for table in read.tables for v in table.values]
+    # Entries that are not finite are no inputs of any operation.
+    tables = [arithmetic.constant(v) if math.isfinite(v) else None for table in read.tables for v in table.values]
     found = read.init.run([*tables, *_exactly(x0)], arithmetic)
     state = [found[int(k)] for array in read.init.outputs for k in array.flat]
     count, rows = len(read.state), []

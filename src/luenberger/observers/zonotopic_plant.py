@@ -171,7 +171,7 @@ def gain_at(plant: System | Switched, gain: Polynomial | tuple[Polynomial, ...],
 def _factors(mode: System) -> tuple[np.ndarray, Polynomial]:
     """Directions and rows; what E does with the scheduling is known at run time here, so that factor goes."""
     uncertain = Uncertain.of(mode)
-    known = {"E"} - {p.name for p in mode.parameters}
+    known = {"E(r)"} - {p.name for p in mode.parameters}
     keep = [k for k, name in enumerate(uncertain.names) if name not in known]
     return uncertain.directions[:, keep], uncertain.rows.map(lambda c: np.asarray(c)[keep])
 
