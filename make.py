@@ -51,7 +51,8 @@ def demo(words):
 def test(words):
     """Install the working tree with the test extra and run pytest."""
     install(["test"], editable=True)
-    return run(PYTHON, "-m", "pytest", *words)
+    # Files side by side on all cores; a later -n 0 runs them in one process.
+    return run(PYTHON, "-m", "pytest", "-n", "auto", "--dist", "loadfile", *words)
 
 
 def lint(words):

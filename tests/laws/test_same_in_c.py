@@ -42,10 +42,10 @@ def test_single_precision_stays_within_its_derived_bound(
 ) -> None:
     watched = guarded(any_row, any_design)
     written = c_code(watched, "law", precision="float")
-    drive = [a.astype(np.float32) for a in random_drive(watched, 4, 3, seed=2)]
+    drive = [a.astype(np.float32) for a in random_drive(watched, 3, 2, seed=2)]
     single = golden(watched, *drive, dtype=np.float32)
     double = golden(watched, *drive)
-    bound = np.array([run_bound(written.read, "float", *(a[k] for a in drive)) for k in range(3)])
+    bound = np.array([run_bound(written.read, "float", *(a[k] for a in drive)) for k in range(2)])
     # Python in single and in double precision and C in single precision all lie in one ball around the exact run.
     assert (np.abs(single.estimate - double.estimate) <= bound).all()
     largest = max(1.0, float(np.abs(single.estimate).max()))
