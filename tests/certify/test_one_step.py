@@ -12,7 +12,7 @@ import scipy.linalg
 from export_plants import running, scheduled
 from luenberger.algebra import Polynomial
 from luenberger.certify.one_step import OneStep, Sampling, sampled_decay_verdict
-from luenberger.core import BadInput, Outcome
+from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.observers import CorrectionObserver, TwoDofObserver
 from luenberger.systems import Nonlinearity, System
 from luenberger.systems.jacobian_box import as_floats
@@ -97,6 +97,18 @@ def test_a_storage_that_is_not_positive_is_named() -> None:
     )
     assert failed == "storage"
     assert verdict.outcome is Outcome.REFUTED
+
+
+def test_a_nonlinearity_held_over_several_parts_is_refused() -> None:
+    f = Nonlinearity.bounded(lambda z, u: jnp.tanh(z), [[1.0]], jacobian=([[0.0]], [[1.0]]))
+    plant = System.nonlinear([[-1.0]], C=[[1.0]], F=[[-1.0]], nonlinearity=f)
+    one = OneStep.of(plant, Polynomial.constant([[0.5]]), Sampling("exact", 0.1, 1, 12), lift=as_floats)
+    observer = CorrectionObserver(plant, [[0.5]], 0.1, method="exact")
+    assert observer.order.squarings == 0
+    low, high = (float(np.asarray(one.M({"df1_dz1": end}), float)[0, 0]) for end in (1.0, 0.0))
+    assert low < float(slope(observer, [], np.array([0.7]), ())[0, 0]) < high
+    with pytest.raises(NotAccepted, match="held over all of them"):
+        OneStep.of(plant, Polynomial.constant([[0.5]]), Sampling("exact", 0.1, 2, 12), lift=as_floats)
 
 
 def test_refusals() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from catalogue import ROWS
 from export_plants import running, scheduled
 from luenberger.cli import main
 from luenberger.core import BadInput, NotAccepted, Outcome
@@ -107,6 +108,24 @@ def test_a_steady_box_bounds_the_residual(tmp_path: Path) -> None:
     assert "residual" in made.code.guarded.flags
     assert made.code.guarded.residual_bound is not None
     assert made.code.guarded.residual_bound[0] > 0.2
+
+
+def test_bounds_that_hold_step_by_step_do_not_pass_for_a_claim_about_the_step(
+    switched: SwitchedDesign, tmp_path: Path
+) -> None:
+    row = next(r for r in ROWS if r.name == "interval, width")
+    made = {
+        "continuous": export_c(
+            synthesize(row.system(), row.method), tmp_path / "c", dt=0.005, check=False, **row.options
+        ),
+        "discrete": export_c(switched, tmp_path / "d", initial_half_width=[1.0, 1.0], check=False),
+    }
+    says = {"continuous": "speaks of continuous time, not of this step", "discrete": "speaks of this map itself"}
+    for kind, exported in made.items():
+        assert exported.step is None
+        assert [w for w, text in says.items() if text in exported.code.header] == [kind]
+        proofs = json.loads(next(f for f in exported.files if f.suffix == ".json").read_text())
+        assert says[kind] in proofs["statements"][0]
 
 
 def run(*words: str) -> int:

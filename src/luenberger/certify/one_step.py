@@ -20,7 +20,7 @@ from luenberger.algebra import Polynomial, symmetric
 from luenberger.algebra.definiteness import exact
 from luenberger.certify.continuum import Verdict, negative_definite
 from luenberger.certify.inequality import exact_lift
-from luenberger.core import BadInput
+from luenberger.core import BadInput, NotAccepted
 from luenberger.core.checks import nearest
 from luenberger.systems import Nonlinearity, Parameter, System
 from luenberger.systems.error_system import ErrorSystem
@@ -85,9 +85,15 @@ class OneStep:
             lift: arithmetic; exact rationals for proofs.
 
         Raises:
-            NotAccepted: matrices as functions, or unmeasured parameters.
+            NotAccepted: matrices as functions, or a nonlinearity held over several parts of an exponential.
         """
         plant = _as_read(system)
+        if sampling.scheme == "exact" and sampling.parts > 1 and plant.nonlinearity is not None:
+            # f is held over the whole step, so the parts are no map of their own.
+            raise NotAccepted(
+                f"`{plant.name}` is advanced by an exponential in {sampling.parts} parts with f held over all of them; only one part has a "
+                'map that is written here. Take a shorter step, or method="rk4".'
+            )
         error = ErrorSystem.of(plant, gain, lift, argument_gain=argument_gain)
         h = (
             _number(sampling.dt, lift) * _number(1, lift) / sampling.parts

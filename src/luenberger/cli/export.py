@@ -69,15 +69,17 @@ def _shown(made: Exported, as_json: bool) -> None:
         "library calls": ", ".join(made.code.calls) or "none",
         "precision": made.code.precision,
         "design with these numbers": "nothing claimed" if made.certificate is None else made.certificate.outcome.value,
-        "sampled step": "a map of its own" if made.step is None else made.step.outcome.value,
+        "sampled step": "its bounds hold step by step, see the header"
+        if made.step is None
+        else made.step.outcome.value,
         "replay": "not built" if not made.build.ran else "agrees" if made.build.agrees else "disagrees",
     }
     if as_json:
         print_json({**facts, "files": [str(f) for f in made.files], "says": made.build.says.strip()})
     else:
         out.print(Table(["what", "is"], [[k, str(v)] for k, v in facts.items()], []).as_rich())
-        if made.step is not None:
-            sentence(f"Sampled step: {made.step.sentence}")
+        for statement in made.statements:
+            sentence(statement)
         sentence(made.build.says.strip())
         for file in made.files:
             sentence(str(file))

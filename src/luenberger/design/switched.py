@@ -55,12 +55,17 @@ class SwitchedDesign:
             options: see `UnknownInputObserver`; `initial_half_width` is needed.
 
         Raises:
-            BadInput: a sample time that is not the plant's.
+            BadInput: a sample time that is not the plant's, or no `initial_half_width`.
         """
         own = self.system.first.dt
         if dt is not None and own is not None and abs(dt - own) > 1e-12 * own:
             raise BadInput(
                 f"`dt` is {dt:g} s but the design is for {own:g} s; design again for the wanted sample time."
+            )
+        if "initial_half_width" not in options:
+            raise BadInput(
+                "The observer draws a set around its estimate and no `initial_half_width` is given; give how far each of the states "
+                f"({', '.join(self.system.first.states)}) may be from the first guess (`--half-width` on the command line)."
             )
         return UnknownInputObserver(self.system, self.gains, self.decoupling, **options)
 

@@ -1,6 +1,6 @@
 """What is proved of the step that ships: of its rounded numbers, and of the sampled map instead of the differential equation."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,13 +29,13 @@ class SampledStep:
 
     Args:
         outcome: proved, refuted or undecided.
-        level: factor over a step; for a sampling without proof the largest that was met.
+        level: factor over a step; without a proof the largest that was met, None where the step is not written as a map.
         storage: P, shape (nx, nx).
         sampling: scheme, step and parts.
     """
 
     outcome: Outcome
-    level: float
+    level: float | None
     storage: np.ndarray
     sampling: Sampling
 
@@ -46,7 +46,8 @@ class SampledStep:
         how = "map of the discrete plant" if s.scheme == "map" else f"{s.scheme}, {s.parts} part(s)"
         what = f"sampled step of {s.dt!r} s ({how})"
         if self.outcome is not Outcome.PROVED:
-            return f"{self.outcome.value}: no decay of the {what} is proved; the largest factor met was {self.level:.6g} a step."
+            met = "" if self.level is None else f"; the largest factor met was {self.level:.6g} a step"
+            return f"{self.outcome.value}: no decay of the {what} is proved{met}."
         return (
             f"proved: under equal signals two states of this {what} approach each other by the factor {self.level:.9g} a step in the norm "
             "of P; where the sampled plant follows this step up to s, the error ends below sup |s|_P / (1 - factor). Scheduling in the "
@@ -58,7 +59,7 @@ class SampledStep:
         s = self.sampling
         return {
             "outcome": self.outcome.value,
-            "level": to_text(self.level),
+            "level": None if self.level is None or not np.isfinite(self.level) else to_text(self.level),
             "storage": matrix_text(self.storage),
             "sampling": {"scheme": s.scheme, "dt": to_text(s.dt), "parts": s.parts, "degree": s.degree},
             "sentence": self.sentence,
@@ -89,12 +90,14 @@ def sampled_step(design: Design, observer: Observer) -> SampledStep | None:
     """
     sampling = sampling_of(observer)
     system = design.system if design.model is None else design.model
-    if sampling is None or any(isinstance(m, MatrixFunction) for m in system.matrices.values()):
+    if sampling is None:
         return None
+    if any(isinstance(m, MatrixFunction) for m in system.matrices.values()):
+        return SampledStep(Outcome.UNDECIDED, None, np.eye(system.nx), sampling)
     try:
         step = OneStep.of(system, design.gain, sampling, design.argument_gain, lift=as_floats)
     except NotAccepted:
-        return None
+        return SampledStep(Outcome.UNDECIDED, None, np.eye(system.nx), sampling)
     found = [(np.inf, np.eye(system.nx))]
     for P in _storages(design, step):
         worst = _largest_factor(step, P) ** sampling.parts
@@ -142,18 +145,22 @@ def quantised_plant(system: System, precision: str) -> System:
     return system.replace(**{k: system.polynomial(k).map(_single) for k in letters})
 
 
-def proofs_text(certificate: Certificate | None, step: SampledStep | None, precision: str) -> Mapping[str, Any]:
+def proofs_text(
+    certificate: Certificate | None, step: SampledStep | None, precision: str, statements: Sequence[str] = ()
+) -> Mapping[str, Any]:
     """Return what was proved of exported code as plain data: of the design with the numbers that ship, and of the step.
 
     Args:
         certificate: of the quantised design.
         step: claim about the sampled step.
         precision: of the numbers.
+        statements: what the header says of the sampled step.
     """
     return {
         "precision": precision,
         "design": None if certificate is None else certificate.as_text(),
         "step": None if step is None else step.as_text(),
+        "statements": list(statements),
     }
 
 

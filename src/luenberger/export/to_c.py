@@ -37,6 +37,7 @@ class Exported:
         build: what the compiler and the replay said.
         certificate: claims of the design, checked for the numbers that ship; None for a filter.
         step: claim about the sampled step; None where its guarantee is its own.
+        statements: what header and proofs say of the sampled step.
     """
 
     code: CCode
@@ -45,6 +46,7 @@ class Exported:
     build: Build
     certificate: Certificate | None
     step: SampledStep | None
+    statements: tuple[str, ...]
 
 
 def export_c(
@@ -97,16 +99,25 @@ def export_c(
         held = shipped if precision != "float" else replace(shipped, system=quantised_plant(plant, precision))
         step = sampled_step(held, held.observer(dt, **options))
     guarded = Guarded.of(observer, plant, certificate=certificate, residual_bound=residual_bound)
-    statements = () if step is None else (f"Sampled step, {step.sentence}",)
-    if certificate is not None and step is None:
-        statements = (
-            "Sampled step: the certificate above speaks of this sampled map itself, or its bounds hold step by step.",
-        )
+    statements: tuple[str, ...] = ()
+    if certificate is not None:
+        statements = (_step_of_its_own(observer, plant) if step is None else f"Sampled step, {step.sentence}",)
     code = c_code(guarded, name, precision=precision, certificate=certificate, statements=statements)
     kind = np.float32 if precision == "float" else np.float64
     run = golden(guarded, *random_drive(guarded, _SAMPLES, _RUNS), dtype=kind)
     files = write_c(code, run, folder, tolerance=_UNITS * UNITS[precision][0])
     proofs = Path(folder) / f"{name}_proofs.json"
-    proofs.write_text(json.dumps(proofs_text(certificate, step, precision), indent=1) + "\n", encoding="utf-8")
+    proofs.write_text(
+        json.dumps(proofs_text(certificate, step, precision, statements), indent=1) + "\n", encoding="utf-8"
+    )
     built = build(folder, name) if check else Build(False, False, "not asked for")
-    return Exported(code, run, (*files, proofs), built, certificate, step)
+    return Exported(code, run, (*files, proofs), built, certificate, step, statements)
+
+
+def _step_of_its_own(observer: Observer, plant: System | Switched) -> str:
+    if Switched.of(plant).first.dt is not None:
+        return f"Sampled step of {observer.dt!r} s: the certificate above speaks of this map itself."
+    return (
+        f"Sampled step of {observer.dt!r} s: the certificate above speaks of continuous time, not of this step. What holds step by step, "
+        "for signals held over it, are the bounds: the step keeps the order, and what sampling leaves out is enclosed."
+    )

@@ -6,6 +6,7 @@ from luenberger.observers.gaussian import Belief
 from luenberger.observers.interval import IntervalObserver
 from luenberger.observers.kalman import ExtendedKalmanFilter, KalmanFilter
 from luenberger.observers.monitor import Assumption, Drive, Sector, Violation, explain, monitor
+from luenberger.observers.monitor_sets import CONTRADICTIONS, monitor_sets
 from luenberger.observers.observer import Estimate, Observer
 from luenberger.observers.two_dof import TwoDofObserver
 from luenberger.observers.unknown_input import UnknownInputObserver
@@ -19,6 +20,7 @@ from luenberger.observers.zonotopic import (
 from luenberger.observers.zonotopic_strips import ZonotopicStripFilter, together
 
 __all__ = [
+    "CONTRADICTIONS",
     "AlgebraicEstimate",
     "Assumption",
     "Belief",
@@ -41,6 +43,7 @@ __all__ = [
     "ZonotopicStripFilter",
     "explain",
     "monitor",
+    "monitor_sets",
     "substeps_needed",
     "together",
     "zero_estimate",
