@@ -33,7 +33,9 @@ def test_the_width_optimal_gain_is_no_wider_than_any_row_of_its_class(found: lis
     predictors = [row for row in beside if "predictor" in row.item]
     filters = [row for row in beside if "filter" in row.item and "CZN" not in row.item]
     assert (len(predictors), len(filters)) == (8, 4)
-    assert all(row.verdict is Verdict.REPRODUCED for row in predictors + filters)
+    assert all(row.verdict in (Verdict.REPRODUCED, Verdict.BETTERED) for row in predictors + filters)
+    # Our own optimum has no printed number: narrower than half a stored digit is not "reproduced".
+    assert Verdict.BETTERED in {row.verdict for row in predictors} & {row.verdict for row in filters}
     # Constrained zonotopes keep more than any zonotope does; the table must not claim otherwise.
     assert all(row.verdict is Verdict.NOT_REPRODUCIBLE for row in beside if "CZN" in row.item)
 

@@ -6,22 +6,24 @@ from luenberger.experiment.published.row import Row, Verdict, collected, judged
 
 
 @pytest.mark.parametrize(
-    ("reproduced", "corrected", "verdict"),
+    ("holds", "verdict"),
     [
-        (True, False, Verdict.REPRODUCED),
-        (True, True, Verdict.REPRODUCED),
-        (False, True, Verdict.CORRECTED),
-        (False, False, Verdict.NOT_REPRODUCIBLE),
+        ({"reproduced"}, Verdict.REPRODUCED),
+        ({"reproduced", "bettered", "corrected"}, Verdict.REPRODUCED),
+        ({"bettered", "corrected"}, Verdict.BETTERED),
+        ({"corrected"}, Verdict.CORRECTED),
+        (set(), Verdict.NOT_REPRODUCIBLE),
     ],
 )
-def test_verdict_follows_from_what_holds(reproduced: bool, corrected: bool, verdict: Verdict) -> None:
-    row = judged("x", "(1)", "1", "2", "because.", reproduced=reproduced, corrected=corrected, deviation=1.0)
+def test_verdict_follows_from_what_holds(holds: set[str], verdict: Verdict) -> None:
+    facts = {name: name in holds for name in ("reproduced", "bettered", "corrected")}
+    row = judged("x", "(1)", "1", "2", "because.", **facts, deviation=1.0)
     assert row == Row("x", "(1)", "1", "2", verdict, "because.", 1.0)
 
 
 def test_every_verdict_has_its_sentence() -> None:
     sentences = {v.sentence for v in Verdict}
-    assert len(sentences) == 3
+    assert len(sentences) == len(Verdict)
     assert all(s.endswith(".") for s in sentences)
 
 

@@ -12,7 +12,7 @@ from luenberger.core.checks import nearest
 from luenberger.experiment.published import PAGES, SOURCES, Row
 from luenberger.report.tables import Table
 
-_COLOURS = {"reproduced": "green", "corrected": "yellow", "not reproducible": "red"}
+_COLOURS = {"reproduced": "green", "bettered": "green", "corrected": "yellow", "not reproducible": "red"}
 
 
 def command(

@@ -25,7 +25,7 @@ SOURCE = (
 )
 # Sixteen digits are stored; sums over 200 generators round differently in the last three.
 EXACT = 1e-12
-_RULE = "A stored half width counts as obtained where ours is no wider in any state, to the stored digits."
+_RULE = "Reproduced: ours to the stored digits; bettered: ours is wider in no state."
 
 
 def rows(progress: Callable[[Row], None] | None = None, folder: Path | None = None) -> list[Row]:
@@ -118,14 +118,15 @@ def _beside(problem: Stored, name: str, ours: np.ndarray, reason: str, item: str
     texts = problem.half_widths[row]
     theirs = np.array([float(t) for t in texts])
     digit = np.array([10.0 ** -len(t.partition(".")[2]) for t in texts])
-    share = ", ".join(f"{100 * (a / b - 1):+.1f} %" for a, b in zip(ours, theirs, strict=True))
+    share = ", ".join(f"{100 * (a / b - 1):+.1f}%" for a, b in zip(ours, theirs, strict=True))
     return judged(
         f"{problem.name}, {item + ' ' if item else ''}{name}, half widths at the last step",
         f"stored table, {'filter with the current output' if 'current' in row else 'predictor'}",
         ", ".join(texts),
-        ", ".join(f"{w:.4f}" for w in ours),
-        f"{reason} Ours against stored: {share}. {_RULE}",
-        reproduced=bool((ours <= theirs + 0.5 * digit + EXACT).all()),
+        f"{', '.join(f'{w:.4f}' for w in ours)} ({share})",
+        f"{reason} In brackets ours against stored. {_RULE}",
+        reproduced=bool((np.abs(ours - theirs) <= 0.5 * digit + EXACT).all()),
+        bettered=bool((ours <= theirs + 0.5 * digit + EXACT).all()),
         deviation=float(np.abs(ours - theirs).max()),
     )
 

@@ -14,6 +14,7 @@ class Verdict(Enum):
     """What became of a printed number or claim. `value` is the word for tables."""
 
     REPRODUCED = "reproduced"
+    BETTERED = "bettered"
     CORRECTED = "corrected"
     NOT_REPRODUCIBLE = "not reproducible"
 
@@ -22,6 +23,7 @@ class Verdict(Enum):
         """What this verdict means, in one sentence."""
         return {
             Verdict.REPRODUCED: "The printed number or claim was obtained here from the printed data.",
+            Verdict.BETTERED: "Ours is better than the print in every number compared, so the print itself was not obtained.",
             Verdict.CORRECTED: "The print does not hold as it stands; the reason says what holds instead and how that is known.",
             Verdict.NOT_REPRODUCIBLE: "The print cannot be checked or obtained; the reason says why.",
         }[self]
@@ -58,6 +60,7 @@ def judged(
     reason: str,
     *,
     reproduced: bool | np.bool_,
+    bettered: bool | np.bool_ = False,
     corrected: bool | np.bool_ = False,
     deviation: float | None = None,
 ) -> Row:
@@ -70,10 +73,12 @@ def judged(
         ours: what was computed here.
         reason: why, with the kind of evidence.
         reproduced: the print holds here.
+        bettered: it does not, and ours is at least as good in every number and better in one.
         corrected: it does not, and what holds instead was shown.
         deviation: largest absolute difference, where numbers are compared.
     """
-    verdict = Verdict.REPRODUCED if reproduced else Verdict.CORRECTED if corrected else Verdict.NOT_REPRODUCIBLE
+    facts = {Verdict.REPRODUCED: reproduced, Verdict.BETTERED: bettered, Verdict.CORRECTED: corrected}
+    verdict = next((v for v, holds in facts.items() if holds), Verdict.NOT_REPRODUCIBLE)
     return Row(item, equation, printed, ours, verdict, reason, deviation)
 
 
