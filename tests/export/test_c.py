@@ -14,7 +14,8 @@ from luenberger.core import BadInput
 from luenberger.export import Guarded, Signals, build, c_code, golden, write_c
 from luenberger.export.build import compiler
 from luenberger.export.golden import random_drive
-from luenberger.observers import Estimate, Observer
+from luenberger.observers import Estimate, Observer, ZonotopicFilter
+from luenberger.systems import System
 
 
 def code(name: str = "spring", precision: str = "double"):
@@ -43,11 +44,23 @@ def test_the_header_names_signals_units_cost_and_flags() -> None:
         "library functions called: none",
         "#define SPRING_SCHEDULING_RATE 4U",
         "Nothing is certified about this estimator.",
-        "sample time 0.01 s, double",
+        "CorrectionObserver, one step of 0.01 s, double",
     ):
         assert words in text
     operations = int(re.search(r"takes (\d+) arithmetic operations", text)[1])  # type: ignore[index]
     assert operations == code().operations == len(re.findall(r"const double t\d+ =", code().source.split("_step(")[1]))
+
+
+@pytest.mark.parametrize(("precision", "share"), [("double", "1.1e-16"), ("float", "6.0e-08")])
+def test_computed_bounds_do_not_pass_for_rounded_ones(precision: str, share: str) -> None:
+    plant = System.linear(
+        [[0.9, 0.1], [0.0, 0.8]], C=[[1.0, 0.0]], E=[[0.0], [1.0]], dt=0.1, disturbance_bound=[1.0], noise_bound=[0.1]
+    )
+    bounded = ZonotopicFilter(plant, initial_half_width=[1.0, 1.0], count=6)
+    assert (
+        f"being {share} of the largest value" in c_code(Guarded.of(bounded, plant), "set", precision=precision).header
+    )
+    assert "outward" not in code(precision=precision).header
 
 
 def test_no_allocation_no_globals_and_gains_as_tables() -> None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from luenberger.certify import Certificate
 from luenberger.export.guard import FLAGS, Guarded
 from luenberger.export.program import Leaf, Program
+from luenberger.export.rounding import UNITS
 
 
 def header(
@@ -31,12 +32,18 @@ def header(
     s = guarded.signals
     library = ", ".join(calls) or "none"
     lines = [
-        f"/* {name}: one step of a {type(guarded.observer).__name__}, sample time {guarded.observer.dt!r} s, {precision}.",
+        f"/* {name}: {type(guarded.observer).__name__}, one step of {guarded.observer.dt!r} s, {precision}.",
         " *",
         f" * A step takes {operations} arithmetic operations and at most {stack} bytes of locals; library functions called: {library}.",
         " * No allocation, no globals; the caller owns the state. Do not compile with -ffast-math.",
     ]
-    lines += [f" * {_clean(sentence)}" for sentence in [*_proved(certificate), *statements]]
+    sentences = [*_proved(certificate), *statements]
+    if any(leaf.path == "lower" for leaf in read.estimate):
+        sentences.append(
+            f"The bounds are computed in {precision} to nearest, not outward: they hold up to rounding, each operation's share being "
+            f"{UNITS[precision][0]:.1e} of the largest value in it."
+        )
+    lines += [f" * {_clean(sentence)}" for sentence in sentences]
     lines += [
         " */",
         f"#ifndef {name.upper()}_H",
