@@ -26,10 +26,10 @@ from luenberger.certify.certificate import Certificate, Proof
 from luenberger.certify.claim import Claim
 from luenberger.certify.continuum import Verdict, negative_definite
 from luenberger.certify.inequality import claim_verdict, exact_lift
-from luenberger.certify.switched_box import containment_verdict
+from luenberger.certify.switched_box import containment_verdict, leaks
 from luenberger.certify.switched_claim import SwitchedClaim
 from luenberger.core import BadInput, Outcome
-from luenberger.systems import Switched
+from luenberger.systems import Parameter, Switched, System
 from luenberger.systems.decoupled_error import DecoupledError
 from luenberger.systems.uncertainty import Uncertain
 
@@ -108,17 +108,11 @@ def switched_assumptions(system: Switched, claims: Sequence[SwitchedClaim] = ())
         lines.append(
             "In a mode the plant is that of the mode: what selects the mode must not change the plant inside it."
         )
-    for p in first.parameters:
-        word = "is measured" if p.measured else "is not measured"
-        off = (
-            ""
-            if not p.measured or p.is_exact
-            else f" with an offset up to {p.error:g} and a factor in {list(p.factor)}"
-        )
-        lines.append(
-            f"{p.name} {word}{off} and stays in [{p.lower:.6g}, {p.upper:.6g}] {p.unit}".rstrip()
-            + ", however fast it changes."
-        )
+    told = [[_parameter_line(p) for p in mode.parameters] for mode in system.modes]
+    if all(each == told[0] for each in told):
+        lines += told[0]
+    else:
+        lines += [f"In mode {i}: {line}" for i, each in enumerate(told) for line in each]
     lines.append(
         "The unknown input is free."
         if first.disturbance_bound is None
@@ -134,6 +128,13 @@ def switched_assumptions(system: Switched, claims: Sequence[SwitchedClaim] = ())
     if bounds:
         lines.append(f"The invariant box assumes |x| <= {np.asarray(bounds[0]).tolist()} (inputs after the states).")
     return tuple(lines)
+
+
+def _parameter_line(p: Parameter) -> str:
+    word = "is measured" if p.measured else "is not measured"
+    off = "" if not p.measured or p.is_exact else f" with an offset up to {p.error:g} and a factor in {list(p.factor)}"
+    said = f"{p.name} {word}{off} and stays in [{p.lower:.6g}, {p.upper:.6g}] {p.unit}".rstrip()
+    return f"{said}, however fast it changes."
 
 
 def _decoupling(errors: Sequence[DecoupledError], claim: SwitchedClaim) -> tuple[str, Verdict]:
@@ -162,6 +163,9 @@ def _stability(system: Switched, errors: Sequence[DecoupledError], claim: Switch
     count = len(errors)
     if len(claim.storages) not in (1, count) or claim.storages[0].shape != (system.first.nx,) * 2:
         return "storage", Verdict(Outcome.REFUTED, 0.0, {}, 0)
+    for i, (mode, error) in enumerate(zip(system.modes, errors, strict=True)):
+        if left := _left_out(mode, error, claim):
+            return "inputs", Verdict(Outcome.REFUTED, 0.0, {"mode": float(i), left: 1.0}, 0)
     Q = [exact(claim.storages[i % len(claim.storages)]) for i in range(count)]
     failed, alpha = _smallest(Q)
     if alpha is None:
@@ -184,6 +188,16 @@ def _stability(system: Switched, errors: Sequence[DecoupledError], claim: Switch
             return claim.kind, replace(verdict, point={"from": float(i), "to": float(j), **verdict.point})
         margin, pieces = min(margin, verdict.margin), pieces + verdict.pieces
     return "", Verdict(Outcome.PROVED, float(margin), {}, pieces)
+
+
+def _left_out(mode: System, error: DecoupledError, claim: SwitchedClaim) -> str:
+    """A channel that reaches the error and is not in w: |e| would not be bounded by what the claim names."""
+    named = claim.inputs.split("+")
+    if "lumped" in named:
+        return ""
+    acting = [n for n in ("uncertainty", "noise", "next noise") if any(np.any(c != 0) for _, c in error.inputs[n])]
+    acting += ["disturbance"] if leaks(mode, error) else []
+    return next((n for n in acting if n not in named), "")
 
 
 def _step_inequality(
@@ -210,7 +224,6 @@ def _step_inequality(
 def _unit(system: Switched, channel: str, count: int) -> np.ndarray:
     plant = system.first
     given = {"disturbance": plant.disturbance_bound, "noise": plant.noise_bound, "next noise": plant.noise_bound}
-    given["reused noise"] = plant.noise_bound
     if channel not in given:
         return np.ones(count)
     bound = given[channel]
@@ -258,6 +271,7 @@ def _reason(claim: SwitchedClaim, failed: str, verdict: Verdict) -> str:
         "growth": f"A storage grows by more than {claim.growth:.6g} at a switch",
         "vector": "An error on the faces of the box leaves it",
         "bounds": "A bound that the claim needs is missing",
+        "inputs": "Something reaches the error that the claim does not name",
     }.get(failed, f"The inequality of `{claim.kind}` at level {claim.level:.6g}")
     if verdict.outcome is Outcome.REFUTED:
         return f"{what} fails: {where}." if failed in ("", claim.kind) else f"{what}: {where}."

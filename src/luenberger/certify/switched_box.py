@@ -19,9 +19,12 @@ from luenberger.algebra.definiteness import exact
 from luenberger.certify.continuum import Verdict
 from luenberger.certify.switched_claim import SwitchedClaim
 from luenberger.core import Outcome
-from luenberger.systems import Switched
+from luenberger.systems import Switched, System
 from luenberger.systems.decoupled_error import DecoupledError
 from luenberger.systems.uncertainty import uncovered
+
+# What P E and what is left out of the plant may be and still pass for rounding, as a share of the largest entry of E, and of [A, B, E].
+ROUNDING = 1e-9
 
 
 def containment_verdict(
@@ -41,13 +44,13 @@ def containment_verdict(
         return "bounds", Verdict(Outcome.REFUTED, 0.0, {}, 0)
     level = exact(claim.level)[()]
     for i, (mode, error) in enumerate(zip(system.modes, errors, strict=True)):
-        leak = _largest(error, "disturbance")
         missing = _largest_of(error.projection, error) @ uncovered(mode, error.uncertain)
-        worst = max([*np.ravel(leak), *np.ravel(missing)], default=fmpq(0))
-        if worst > level:
-            return claim.kind, Verdict(
-                Outcome.REFUTED, 0.0, {"mode": float(i), "left out": int(worst.p) / int(worst.q)}, 1
-            )
+        found = {"P E": leak(error), "left out": max(np.ravel(missing), default=fmpq(0))}
+        allowed = {"P E": level if mode.disturbance_bound is not None else min(level, _rounding(mode, "E"))}
+        allowed["left out"] = min(level, _rounding(mode, "ABE"))
+        for what, worst in found.items():
+            if worst > allowed[what]:
+                return claim.kind, Verdict(Outcome.REFUTED, 0.0, {"mode": float(i), what: _near(worst)}, 1)
     if claim.vector is None:
         return "", Verdict(Outcome.PROVED, 0.0, {}, len(errors))
     return _invariant(system, errors, claim)
@@ -57,12 +60,14 @@ def _invariant(system: Switched, errors: Sequence[DecoupledError], claim: Switch
     """|N| w + |P directions| m + noise <= w in every mode, m the largest of the rows over the stated signals."""
     w = exact(np.asarray(claim.vector, dtype=float).reshape(-1))
     plant = system.first
-    if w.shape != (plant.nx,):
+    if w.shape != (plant.nx,) or min(w) < 0:
         return "vector", Verdict(Outcome.REFUTED, 0.0, {}, 0)
     noise = exact(np.asarray(plant.noise_bound or [0.0] * plant.nv, dtype=float))
+    unknown = exact(np.asarray(plant.disturbance_bound or [0.0] * plant.nd, dtype=float))
     margin = None
     for i, error in enumerate(errors):
         total = _largest_of(error.A, error) @ w + (_largest(error, "noise") + _largest(error, "next noise")) @ noise
+        total = total + _largest(error, "disturbance") @ unknown
         if error.uncertain.nk:
             signals = _signals(system, claim)
             if signals is None:
@@ -71,10 +76,9 @@ def _invariant(system: Switched, errors: Sequence[DecoupledError], claim: Switch
             total = total + _largest(error, "uncertainty") @ (rows @ signals)
         room = min(w - total)
         if room < 0:
-            return "vector", Verdict(Outcome.REFUTED, 0.0, {"mode": float(i), "room": int(room.p) / int(room.q)}, 1)
+            return "vector", Verdict(Outcome.REFUTED, 0.0, {"mode": float(i), "room": _near(room)}, 1)
         margin = room if margin is None else min(margin, room)
-    found = 0.0 if margin is None else int(margin.p) / int(margin.q)
-    return "", Verdict(Outcome.PROVED, found, {}, len(errors))
+    return "", Verdict(Outcome.PROVED, 0.0 if margin is None else _near(margin), {}, len(errors))
 
 
 def _signals(system: Switched, claim: SwitchedClaim) -> np.ndarray | None:
@@ -90,6 +94,34 @@ def _signals(system: Switched, claim: SwitchedClaim) -> np.ndarray | None:
 
 def _deviates(system: Switched) -> bool:
     return any(mode.polynomial("E").names for mode in system.modes)
+
+
+def leak(error: DecoupledError) -> fmpq:
+    """Return the largest |entry of P E|, what a free unknown input is multiplied by.
+
+    Args:
+        error: exact error of a mode.
+    """
+    return max(np.ravel(_largest(error, "disturbance")), default=fmpq(0))
+
+
+def leaks(mode: System, error: DecoupledError) -> bool:
+    """Whether more of the unknown input than rounding reaches the error.
+
+    Args:
+        mode: mode of the plant.
+        error: its exact error.
+    """
+    return leak(error) > _rounding(mode, "E")
+
+
+def _rounding(mode: System, letters: str) -> fmpq:
+    entries = [abs(x) for letter in letters for _, c in mode.polynomial(letter) for x in np.ravel(exact(c))]
+    return exact(ROUNDING)[()] * max(entries, default=fmpq(0))
+
+
+def _near(value: fmpq) -> float:
+    return int(value.p) / int(value.q)
 
 
 def _largest(error: DecoupledError, channel: str) -> np.ndarray:

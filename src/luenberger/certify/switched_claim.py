@@ -17,7 +17,6 @@ _CHANNELS = {
     "disturbance": "disturbance",
     "noise": "noise",
     "next noise": "noise of the next sample",
-    "reused noise": "noise",
 }
 
 
@@ -31,7 +30,7 @@ class SwitchedClaim:
       growth > 1 the storage may grow at a switch, by that factor at most, and the dwell time of the plant makes up for it.
       With order "last" mode j acts, and V_i is the storage of the mode that acted before it; else mode i acts.
     * containment: the state never leaves the set of the observer; `level` is what rounding of the gains may add a step, relative to the
-      signals. With `vector`, an error inside |e_k| <= vector_k stays there.
+      signals, and no more than rounding is accepted. With `vector`, an error inside |e_k| <= vector_k stays there.
 
     Args:
         kind: which statement.
@@ -40,7 +39,8 @@ class SwitchedClaim:
         fade: share by which V falls in a step.
         supply: what |w|^2 may add to V.
         growth: largest ratio of storages at a switch; 1 where every transition is covered by the inequality itself.
-        inputs: channels of w joined by "+", see `DecoupledError`; "lumped" in units of the state, the others in units of their bounds.
+        inputs: channels of w joined by "+", see `DecoupledError`, all that reach the error; "lumped" and factors in units of the state,
+            the others in units of their bounds. The noise reused in the set is no channel here: it belongs to another error.
         order: whose storage counts at a sample: of the mode that acts "next", or of the one that acted "last".
         vector: half widths of an invariant box, shape (nx,).
         state_bound: |x_k| <= bound that `vector` assumes, shape (nx,).
@@ -85,7 +85,7 @@ class SwitchedClaim:
             discrete: plants with modes are sampled; kept for the common signature of claims.
         """
         if self.kind == "decoupling":
-            return f"The unknown input does not reach the error: |P E| <= {self.level:.3g} in every mode."
+            return f"Of the unknown input no more than |P E| <= {self.level:.3g} reaches the error in every mode."
         if self.kind == "gain_bound":
             return f"The gain norm |K| stays below {self.level:.6g} in every mode."
         if self.kind == "containment":
@@ -94,12 +94,16 @@ class SwitchedClaim:
                 if self.vector is None
                 else f" An error within ({_numbers(self.vector)}), state by state, stays there."
             )
-            return f"The state never leaves the set of the observer while the stated bounds hold and it starts inside.{held}"
+            return (
+                "The state never leaves the set of the observer while the stated bounds hold and it starts inside, but for rounding of at "
+                f"most {self.level:.1e} of the signals a step.{held}"
+            )
         what = " and ".join(_CHANNELS[c] for c in self.inputs.split("+"))
+        pace = "a step" if self.growth == 1 else "a step between switches"
         unit = "" if self.inputs == "lumped" else ", noise in units of its bound, factors in those of the state"
         return (
             f"Under every switching that is allowed the error ends in |e|_2 <= {self.level:.6g} sup |w|_2, w being {what}{unit}, and "
-            f"forgets its start by a factor {math.sqrt(1 - self.fade):.6g} a step."
+            f"forgets its start by a factor {math.sqrt(1 - self.fade):.6g} {pace}."
         )
 
     def as_text(self) -> dict[str, Any]:
