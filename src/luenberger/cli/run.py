@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from luenberger.cli.output import out, print_json, progress_bar, sentence
-from luenberger.experiment import run_experiment
+from luenberger.experiment import read_gust, run_experiment, run_gust
 
 
 def command(
@@ -20,7 +20,8 @@ def command(
     Example: luenberger run experiments/slip_angle_slalom.toml --out results
     """
     with progress_bar(quiet) as progress:
-        result = run_experiment(experiment, folder, progress)
+        runner = run_experiment if read_gust(experiment) is None else run_gust
+        result = runner(experiment, folder, progress)
     if as_json:
         print_json(result.as_json())
         return

@@ -1,6 +1,18 @@
 """Experiments: a TOML file becomes designs, replays, scores and a page; published papers become rows with verdicts."""
 
+from luenberger.experiment.gust import run_gust
+from luenberger.experiment.gust_specification import GustSpecification, read_gust
+from luenberger.experiment.results import Report
 from luenberger.experiment.run import Result, run_experiment
 from luenberger.experiment.specification import Specification, read_specification
 
-__all__ = ["Result", "Specification", "read_specification", "run_experiment"]
+__all__ = [
+    "GustSpecification",
+    "Report",
+    "Result",
+    "Specification",
+    "read_gust",
+    "read_specification",
+    "run_experiment",
+    "run_gust",
+]

@@ -100,7 +100,7 @@ def open_loop(
     start = model.start(float(manoeuvre.speed(0.0)))
     time = np.arange(0.0, manoeuvre.duration + 0.5 * sample_time, sample_time)
     run = simulate(
-        _speed_held(model),
+        speed_held(model),
         time=time,
         x0=np.asarray(start),
         u=lambda t: jnp.stack([manoeuvre.steering(t), manoeuvre.acceleration(t), manoeuvre.speed(t)]),
@@ -197,8 +197,12 @@ def _dry() -> Road:
     return Road.uniform(0.85)
 
 
-def _speed_held(model: DoubleTrack) -> TruthModel:
-    """The car with a driver who adds what the wanted speed lacks to the acceleration asked for."""
+def speed_held(model: DoubleTrack) -> TruthModel:
+    """Return the car with a driver who adds what the wanted speed lacks to the acceleration asked for.
+
+    Args:
+        model: takes the steering angle and the acceleration asked for; the result takes the wanted speed as a third input.
+    """
 
     def demands(x: Any, u: Any) -> jax.Array:
         return jnp.stack([u[0], u[1] + SPEED_HOLD * (u[2] - x[model.states.index("speed")])])

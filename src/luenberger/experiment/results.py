@@ -30,22 +30,17 @@ from luenberger.vehicle import VehicleParameters
 Bounds = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
-@dataclass(frozen=True)
-class Result:
-    """What an experiment leaves behind.
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What every experiment leaves behind.
 
     Args:
         title: headline.
-        summary: where our observers stand, in plain sentences.
+        summary: what stands where, in plain sentences.
         table: scores, one row an entrant.
         page: the HTML page.
         files: everything written, the page included.
-        entrants: the built entrants.
-        sideslip: name -> estimate [rad] over `scored`.
-        scored: the part of the log that is scored.
-        errors: name -> RMSE of the sideslip [rad].
-        bounds: name -> guaranteed (lower, upper) sideslip [rad] over `scored`, for entrants that give them.
-        watched: how the bounds did, what was assumed and how long it held; empty without bounds.
+        watched: further tables, e.g. how the bounds did, what was assumed and how long it held.
     """
 
     title: str
@@ -53,11 +48,6 @@ class Result:
     table: Table
     page: Path
     files: tuple[Path, ...]
-    entrants: Mapping[str, Entrant]
-    sideslip: Mapping[str, np.ndarray]
-    scored: Trajectory
-    errors: Mapping[str, float]
-    bounds: Bounds = field(default_factory=dict)
     watched: Sequence[Table] = ()
 
     def as_json(self) -> dict[str, Any]:
@@ -69,6 +59,25 @@ class Result:
             "assumptions": [table.as_json() for table in self.watched],
             "files": [str(f) for f in self.files],
         }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result(Report):
+    """What an experiment on a log or a simulated drive leaves behind, beside its report.
+
+    Args:
+        entrants: the built entrants.
+        sideslip: name -> estimate [rad] over `scored`.
+        scored: the part of the log that is scored.
+        errors: name -> RMSE of the sideslip [rad].
+        bounds: name -> guaranteed (lower, upper) sideslip [rad] over `scored`, for entrants that give them.
+    """
+
+    entrants: Mapping[str, Entrant]
+    sideslip: Mapping[str, np.ndarray]
+    scored: Trajectory
+    errors: Mapping[str, float]
+    bounds: Bounds = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -294,7 +303,17 @@ def written(
     files.append(folder / "report.html")
     page.write(files[-1])
     return Result(
-        spec.title, summary, table, files[-1], tuple(files), entrants, run.sideslip, log, errors, run.bounds, watched
+        title=spec.title,
+        summary=summary,
+        table=table,
+        page=files[-1],
+        files=tuple(files),
+        watched=watched,
+        entrants=entrants,
+        sideslip=run.sideslip,
+        scored=log,
+        errors=errors,
+        bounds=run.bounds,
     )
 
 

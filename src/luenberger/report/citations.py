@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable
 
-from luenberger.design import Design
+from luenberger.design import Design, SwitchedDesign
 
 
-def citations(designs: Iterable[Design], further: Iterable[str] = ()) -> tuple[str, ...]:
+def citations(designs: Iterable[Design | SwitchedDesign], further: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the references of designs and further ones, each once.
 
     Args:

@@ -104,7 +104,7 @@ def estimate_figure(
     plot.update_xaxes(title_text="time [s]", row=2)
     title = f"{name[:1].upper()}{name[1:]}"
     words = _with_absent(caption, "the error panel", outside)
-    return Figure("estimates", title, _dressed(plot, 620), words, {n: s.colour for n, s in looks.items()})
+    return Figure("estimates", title, dressed(plot, 620), words, {n: s.colour for n, s in looks.items()})
 
 
 def error_bars(errors: Mapping[str, float], *, name: str, unit: str, caption: str = "") -> Figure:
@@ -150,7 +150,7 @@ def error_shares(
     return Figure(
         "errors",
         "Share of samples within an error",
-        _dressed(plot, 380),
+        dressed(plot, 380),
         _with_absent(caption, "this view", outside),
         {n: s.colour for n, s in looks.items()},
     )
@@ -264,7 +264,7 @@ def _bars(kind: Kind, names: Sequence[str], values: np.ndarray, title: str, unit
         x=values, y=list(names), orientation="h", marker={"color": [looks[n].colour for n in names]},
         text=[f"{v:.3g}" for v in values], textposition="outside", cliponaxis=False, hovertemplate="%{y}: %{x:.4g}<extra></extra>",
     )  # fmt: skip
-    plot = _dressed(go.Figure(bars), 110 + 34 * len(names))
+    plot = dressed(go.Figure(bars), 110 + 34 * len(names))
     # Room for the numbers beside the bars.
     top = float(np.nanmax(values)) if values.size else 1.0
     plot.update_xaxes(title_text=f"{title} [{unit}]" if unit else title, range=[0, 1.18 * top if top > 0 else 1.0])
@@ -273,7 +273,13 @@ def _bars(kind: Kind, names: Sequence[str], values: np.ndarray, title: str, unit
     return Figure(kind, title, plot, caption, {n: looks[n].colour for n in names})
 
 
-def _dressed(plot: go.Figure, height: int) -> go.Figure:
+def dressed(plot: go.Figure, height: int) -> go.Figure:
+    """Give a plot the look of all plots of a page, and return it.
+
+    Args:
+        plot: the plotly figure; changed.
+        height: in pixels.
+    """
     plot.update_layout(
         # Without this plotly writes its own long theme into every figure.
         template="none",

@@ -1,11 +1,13 @@
-"""A drive through all three modes with steering and gusts, and many cars on it: every stiffness and noise the bounds allow."""
-
-from dataclasses import dataclass
+"""The drive of Ifqir et al. 2020 as it was chosen here, and many cars on it: every stiffness and noise the bounds allow."""
 
 import numpy as np
 
+from luenberger.experiment.gust_drive import Choices, Drive, choices, windy_road
+from luenberger.experiment.gust_runs import Cars
 from luenberger.experiment.published.ifqir_car import NOISE, SHARE, SPEEDS, START, STEP, Axles
 from luenberger.vehicle.cars import gust_car
+
+__all__ = ["GUST", "Cars", "Choices", "Drive", "cars", "choices", "drive"]
 
 SAMPLES = 500
 # Steering amplitude [rad] and period [s], gust force [N] and how long one gust and the pause before it last [s].
@@ -13,28 +15,6 @@ STEERING, STEERING_PERIOD = 0.031, 7.5
 GUST, GUST_PERIOD = 800.0, 10.0
 _SLOWEST, _FASTEST = 6.05, 19.85
 _DROPPED = 5
-RANDOM, CONSTANT, ADVERSARIES = 40, 8, 4
-
-
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """What the driver and the wind do.
-
-    Args:
-        time: sample times [s], (nt,).
-        speed: measured speed [m/s], (nt,).
-        mode: number of the mode, (nt,).
-        local: speed of the mode [m/s], (nt,).
-        steering: steering angle [rad], (nt,).
-        gust: gust force [N], (nt,).
-    """
-
-    time: np.ndarray
-    speed: np.ndarray
-    mode: np.ndarray
-    local: np.ndarray
-    steering: np.ndarray
-    gust: np.ndarray
 
 
 def drive(samples: int = SAMPLES) -> Drive:
@@ -43,71 +23,17 @@ def drive(samples: int = SAMPLES) -> Drive:
     Args:
         samples: length; the speed profile is stretched to it.
     """
-    time = STEP * np.arange(samples)
-    middle, swing = 0.5 * (_SLOWEST + _FASTEST), 0.5 * (_FASTEST - _SLOWEST)
-    speed = middle - swing * np.cos(2 * np.pi * np.arange(samples) / (samples - 1))
-    mode = (speed >= 11.0).astype(int) + (speed >= 16.0)
-    phase = time % GUST_PERIOD
-    # Rises within half a second, holds, and falls.
-    shape = np.clip(np.minimum(phase - 4.0, 7.0 - phase) / 0.5, 0.0, 1.0)
-    side = np.where((time // GUST_PERIOD) % 2 == 0, 1.0, -1.0)
-    steering = STEERING * np.sin(2 * np.pi * time / STEERING_PERIOD)
-    return Drive(time, speed, mode, np.array(SPEEDS)[mode], steering, GUST * side * shape)
-
-
-@dataclass(frozen=True, eq=False)
-class Cars:
-    """Many runs of one drive.
-
-    Args:
-        states: lateral speed [m/s] and yaw rate [rad/s], (runs, nt, 2).
-        outputs: measured yaw rate [rad/s], (runs, nt, 1).
-        steering: measured steering angle [rad], (runs, nt, 1).
-    """
-
-    states: np.ndarray
-    outputs: np.ndarray
-    steering: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Choices:
-    """What is unknown on every run, in units of its bound.
-
-    Args:
-        start: first error, (runs, 2).
-        stiffness: of front and rear axle, (nt, runs, 2).
-        noise: of gyro and steering angle, (nt, runs, 2).
-        adversary: direction +1 or -1 in which a run is pushed at every sample, 0 for runs that follow the above, (runs,).
-        drops: True for adversaries whose noise turns at every fifth sample, (runs,).
-    """
-
-    start: np.ndarray
-    stiffness: np.ndarray
-    noise: np.ndarray
-    adversary: np.ndarray
-    drops: np.ndarray
-
-
-def choices(samples: int = SAMPLES, *, random: int = RANDOM, adversaries: bool = True, seed: int = 0) -> Choices:
-    """Return runs: random ones, half of them at vertices, eight that stay at one vertex, and four adversaries.
-
-    Args:
-        samples: length of the drive.
-        random: number of random runs.
-        adversaries: with adversaries.
-        seed: of the random numbers.
-    """
-    rng = np.random.default_rng(seed)
-    count = random + CONSTANT + (ADVERSARIES if adversaries else 0)
-    inside = rng.uniform(-1, 1, (samples, count, 4))
-    inside[:, : random // 2] = np.sign(inside[:, : random // 2])
-    corners = np.array([[f, r, v, -v] for f in (-1, 1) for r in (-1, 1) for v in (-1, 1)], dtype=float)
-    inside[:, random : random + CONSTANT] = corners
-    adversary, drops = np.zeros(count), np.zeros(count, dtype=bool)
-    if adversaries:
-        adversary[-ADVERSARIES:], drops[-ADVERSARIES // 2 :] = (1, -1, 1, -1), True
-    return Choices(rng.uniform(-1, 1, (count, 2)), inside[..., :2], inside[..., 2:], adversary, drops)
+    return windy_road(
+        samples,
+        STEP,
+        speed=(_SLOWEST, _FASTEST),
+        modes=SPEEDS,
+        ends=(6.0, 11.0, 16.0, 20.0),
+        steering=STEERING,
+        steering_period=STEERING_PERIOD,
+        gust=GUST,
+        gust_period=GUST_PERIOD,
+    )
 
 
 def cars(

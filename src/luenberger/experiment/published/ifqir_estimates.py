@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from luenberger.experiment.gust_runs import ROUNDING
 from luenberger.experiment.published.ifqir_car import (
     NOISE,
     SHARE,
@@ -16,8 +17,6 @@ from luenberger.experiment.published.ifqir_car import (
 )
 from luenberger.experiment.published.ifqir_drive import Cars, Drive, cars, choices, drive
 from luenberger.experiment.published.ifqir_printed import Bounds, errors_printed
-
-ROUNDING = 1e-9
 
 
 @cache
