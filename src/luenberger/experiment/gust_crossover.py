@@ -47,15 +47,15 @@ def crossover_study(spec: GustSpecification, progress: Callable[[str, float], No
         count += len(runs.states)
     flat = float(np.mean(widths[OURS]))
     crossings = {n: crossing(spec.bounds, widths[n], flat) for n in FILTERS}
-    rows = [[b, *(widths[n][k] for n in widths), _advice(widths, k)] for k, b in enumerate(spec.bounds)]
+    rows = [[n, *widths[n], crossings.get(n)] for n in widths]
     escapes = sum(left.values())
     notes = [
-        "Mean width of the guaranteed bounds of the lateral speed [m/s]. Both carry the same structured uncertainty and are scheduled by the speed.",
+        "Mean width of the guaranteed bounds of the lateral speed for each bound of the gust that is trusted. All carry the same structured uncertainty and are scheduled by the speed.",
         f"The bounds were left on {escapes or 'none'} of {count * len(widths)} runs.",
     ]
     return Study(
         _summary(spec, flat, crossings, escapes),
-        Table(["bound [N]", *(f"{n} [m/s]" for n in widths), "narrower"], rows, notes, "Decouple or bound"),
+        Table(["width [m/s]", *(f"{b:g} N" for b in spec.bounds), "crosses at [N]"], rows, notes, "Decouple or bound"),
         [_figure(spec.bounds, widths, flat, crossings)],
         {OURS: design},
         {"gust_bound": np.array(spec.bounds), **{n: np.array(w) for n, w in widths.items()}},
@@ -85,10 +85,6 @@ def crossing(bounds: tuple[float, ...], widths: list[float], flat: float) -> flo
     share = (flat - widths[k - 1]) / (widths[k] - widths[k - 1])
     low, high = np.log(bounds[k - 1]), np.log(bounds[k])
     return float(np.exp(low + share * (high - low)))
-
-
-def _advice(widths: dict[str, list[float]], k: int) -> str:
-    return min(widths, key=lambda n: widths[n][k])
 
 
 def _summary(spec: GustSpecification, flat: float, crossings: dict[str, float | None], escapes: int) -> str:
@@ -126,7 +122,7 @@ def _figure(
         if bound is not None:
             plot.add_vline(x=bound, line={"color": looks[name].colour, "dash": "dot", "width": 1.4})
             plot.add_annotation(
-                x=np.log10(bound), y=flat, text=f"{bound:.0f} N", showarrow=True, ax=34, ay=34, arrowcolor=looks[name].colour,
+                x=np.log10(bound), y=flat, text=f"{bound:.0f} N", showarrow=True, ax=-44, ay=-44, arrowcolor=looks[name].colour,
                 font={"color": looks[name].colour, "size": 13},
             )  # fmt: skip
     dressed(plot, 440)
@@ -136,6 +132,6 @@ def _figure(
         tickvals=list(bounds),
         ticktext=[f"{b:g}" for b in bounds],
     )
-    plot.update_yaxes(title_text="mean width of the bounds of the lateral speed [m/s]", rangemode="tozero")
-    words = "Left of a crossing the gust is better bounded, right of it better decoupled."
+    plot.update_yaxes(title_text="mean width of the bounds of the lateral speed [m/s]", range=[0, 2.5 * flat])
+    words = "Left of a crossing the gust is better bounded, right of it better decoupled. Curves may leave the picture at the top."
     return Figure("comparison", "Decouple the gust or bound it", plot, words, {n: s.colour for n, s in looks.items()})
