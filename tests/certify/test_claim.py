@@ -34,7 +34,7 @@ def test_claim_round_trip() -> None:
 
 
 def test_sentences_carry_the_numbers() -> None:
-    assert "exp(-2 t)" in Claim("decay", 2.0, np.eye(2)).sentence()
+    assert "exp(-2 t)" in Claim("decay", 2.0, np.eye(2)).sentence(False)
     assert "0.5^k" in Claim("decay", 0.5, np.eye(2)).sentence(discrete=True)
-    assert "3" in Claim("gain_bound", 3.0).sentence()
-    assert "noise" in Claim("l2_gain", 3.0, np.eye(1), weight=np.eye(1), inputs="noise").sentence()
+    assert "3" in Claim("gain_bound", 3.0).sentence(False)
+    assert "noise" in Claim("l2_gain", 3.0, np.eye(1), weight=np.eye(1), inputs="noise").sentence(False)

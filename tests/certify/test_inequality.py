@@ -56,5 +56,5 @@ def test_the_argument_gain_has_a_bound_of_its_own() -> None:
 def test_a_domain_claim_needs_its_distances() -> None:
     with pytest.raises(BadInput, match="distances from the faces"):
         Claim("domain", 1.0, np.eye(2))
-    text = Claim("domain", 4.0, np.eye(2), state_bound=np.array([1.0, 2.0])).sentence()
+    text = Claim("domain", 4.0, np.eye(2), state_bound=np.array([1.0, 2.0])).sentence(False)
     assert "semi-axes 2 to 2" in text

@@ -128,6 +128,19 @@ def test_bounds_that_hold_step_by_step_do_not_pass_for_a_claim_about_the_step(
         assert says[kind] in proofs["statements"][0]
 
 
+def test_a_discrete_claim_is_told_in_steps(tmp_path: Path) -> None:
+    plant = System.linear([[0.9]], C=[[1.0]], E=[[1.0]], dt=2.0, disturbance_bound=[1.0], noise_bound=[1.0])
+    found = synthesize(plant, SteadyWidth())
+    decay = next(p for p in found.certificate.proofs if p.claim.kind == "decay")
+    found.save(tmp_path / "design.json")
+    read = next(p for p in Design.load(tmp_path / "design.json").certificate.proofs if p.claim.kind == "decay")
+    made = export_c(found, tmp_path / "code", check=False)
+    # Read as a rate, a factor of 0.5 a step would promise exp(-0.5 t).
+    for words in (decay.sentence, read.sentence, made.code.header):
+        assert f"{decay.claim.level:.6g}^k" in words
+        assert "exp(" not in words
+
+
 def run(*words: str) -> int:
     with pytest.raises(SystemExit) as stopped:
         main(list(words))

@@ -46,6 +46,20 @@ def test_missing_outputs_pass_where_they_are_allowed() -> None:
         samples_of("car", OBSERVER, spoiled("yaw", np.nan), READ, False)
 
 
+@pytest.mark.parametrize(
+    ("channels", "message"),
+    [
+        (Channels(("delta",), (), ("vx", "inverse_vx")), r"reads the outputs \['yaw'\], 1 in all.*name 0"),
+        (Channels(("delta",), ("yaw", "vx"), ("vx", "inverse_vx")), r"reads the outputs.*name 2: \['yaw', 'vx'\]"),
+        (Channels((), ("yaw",), ("vx", "inverse_vx")), "reads the inputs"),
+        (Channels(("delta",), ("yaw",), ("vx",)), r"reads the scheduling.*name 1: \['vx'\]"),
+    ],
+)
+def test_vectors_of_another_length_never_broadcast(channels: Channels, message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        samples_of("car", OBSERVER, drive(car()), channels, False)
+
+
 def test_missing_channels_are_named() -> None:
     with pytest.raises(BadInput, match="lacks `yaw_rate`"):
         samples_of("car", OBSERVER, drive(car()), Channels(("delta",), ("yaw_rate",)), False)

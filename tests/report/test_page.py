@@ -111,7 +111,7 @@ def test_every_number_is_there(read: Reader, design: Design) -> None:
     ):
         assert text in read.text
     for proof in design.certificate.proofs:
-        assert proof.claim.sentence() in read.text
+        assert proof.sentence in read.text
         assert f"{proof.margin:.2g}" in read.text
         assert proof.reason.replace("`", "") in read.text
     for sentence in (*design.certificate.assumptions, *design.references):

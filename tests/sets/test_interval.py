@@ -86,3 +86,19 @@ def test_passes_through_jit_and_vmap() -> None:
 def test_bounds_that_make_no_sense_are_refused(lower: list[float], upper: list[float], message: str) -> None:
     with pytest.raises(BadInput, match=message):
         Interval.of(lower, upper)
+
+
+def test_shapes_never_broadcast_to_something_else() -> None:
+    with pytest.raises(BadInput, match=r"shapes \(1, 1\) and \(2,\)"):
+        np.ones((1, 1)) @ Interval.of([0.0, 1.0], [1.0, 2.0])
+    with pytest.raises(BadInput, match=r"`point` has shape \(1,\)"):
+        Interval.of([0.0, 0.0], [1.0, 1.0]).contains([0.5])
+    with pytest.raises(BadInput, match="half widths >= 0"):
+        Interval.around([0.0], -1.0)
+
+
+def test_what_is_unbounded_times_nothing_is_nothing() -> None:
+    free = Interval.around(np.zeros(2), [np.inf, 1.0])
+    found = np.array([[0.0, 2.0]]) @ free
+    assert (float(found.lower[0]), float(found.upper[0])) == (-2.0, 2.0)
+    assert float((np.array([[1.0, 0.0]]) @ free).upper[0]) == np.inf

@@ -72,6 +72,22 @@ def test_a_flat_set_holds_nothing_beside_itself() -> None:
     assert line.volume() == 0.0
 
 
+def test_states_of_small_numbers_do_not_drown_beside_large_ones() -> None:
+    box = Zonotope.of([0.0, 0.0, 0.0], np.diag([1.0, 1e-12, 0.0]))
+    assert box.contains([1.0, 1e-12, 0.0])
+    assert not box.contains([0.0, 5e-12, 0.0])
+    assert not box.contains([0.0, 0.0, 1e-15])
+    assert box.depth([0.0, 5e-12, 0.0]) == pytest.approx(5.0, rel=1e-6)
+
+
+def test_points_and_maps_of_another_dimension_are_refused() -> None:
+    square = Zonotope.of([0.0, 0.0], np.eye(2))
+    with pytest.raises(BadInput, match=r"`point` has shape \(3,\); \(2,\) is needed"):
+        square.contains([0.0, 0.0, 0.0])
+    with pytest.raises(BadInput, match=r"dimension 2 has no image under a matrix of shape \(2, 3\)"):
+        np.ones((2, 3)) @ square
+
+
 def test_box_there_and_back() -> None:
     box = Interval.of([-1.0, 2.0], [3.0, 2.5])
     back = Zonotope.from_interval(box).interval()

@@ -33,6 +33,7 @@ class Proof:
         pieces: sub-boxes examined.
         reason: one sentence.
         seconds: time the proof took [s]; not part of the text.
+        discrete: the plant has a sample time, so that a decay is a factor a step; follows from the plant and is not part of the text.
     """
 
     claim: Any
@@ -42,6 +43,12 @@ class Proof:
     pieces: int
     reason: str
     seconds: float = 0.0
+    discrete: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words, in the time of the plant."""
+        return str(self.claim.sentence(self.discrete))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +98,13 @@ class Certificate:
         return {"proofs": proofs, "assumptions": list(self.assumptions)}
 
     @staticmethod
-    def from_text(data: dict[str, Any]) -> "Certificate":
-        """Read what `as_text` wrote; the outcomes are what the file says until `certify` checks them again."""
+    def from_text(data: dict[str, Any], discrete: bool) -> "Certificate":
+        """Read what `as_text` wrote; the outcomes are what the file says until `certify` checks them again.
+
+        Args:
+            data: plain data.
+            discrete: the plant has a sample time.
+        """
         proofs = [
             Proof(
                 (SwitchedClaim if p["claim"].get("modes") else Claim).from_text(p["claim"]),
@@ -101,6 +113,7 @@ class Certificate:
                 p["point"],
                 p["pieces"],
                 p["reason"],
+                discrete=discrete,
             )
             for p in data["proofs"]
         ]
@@ -195,7 +208,7 @@ def certify_claims(
             progress(f"proving {claim.kind}", k / len(claims))
         begin = time.perf_counter()
         proof = prove(system, gain, claim, model, argument_gain=argument_gain, filter_gain=filter_gain)
-        proofs.append(replace(proof, seconds=time.perf_counter() - begin))
+        proofs.append(replace(proof, seconds=time.perf_counter() - begin, discrete=system.dt is not None))
     return Certificate(tuple(proofs), assumptions(system, claims), time.perf_counter() - start)
 
 

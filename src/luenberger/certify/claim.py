@@ -116,8 +116,12 @@ class Claim:
         if self.kind == "h2_gain" and self.trace is None:
             raise BadInput("An H2 claim needs its witness `trace`, Z with [P, W'; W, Z] > 0; nothing could check it.")
 
-    def sentence(self, discrete: bool = False) -> str:
-        """The claim in words."""
+    def sentence(self, discrete: bool) -> str:
+        """The claim in words; `Proof.sentence` knows the time of its plant.
+
+        Args:
+            discrete: the plant has a sample time, so that a decay is a factor a step.
+        """
         if self.kind == "gain_bound":
             return f"The gain norm |L(r)| stays below {self.level:.6g} on the whole scheduling box."
         if self.kind == "argument_gain_bound":

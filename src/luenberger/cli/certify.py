@@ -9,7 +9,6 @@ from luenberger.cli.output import out, print_json, progress_bar, sentence
 from luenberger.core import Outcome
 from luenberger.design import load_design
 from luenberger.report.tables import certificate_table
-from luenberger.systems import Switched
 
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
 
@@ -34,9 +33,7 @@ def command(
         parts["proofs"] = [{**p, "seconds": s} for p, s in zip(parts["proofs"], seconds, strict=True)]
         print_json({"outcome": certificate.outcome.value, "seconds": certificate.seconds, **parts})
     else:
-        table = certificate_table(
-            certificate, discrete=Switched.of(loaded.system).first.dt is not None, seconds=seconds
-        )
+        table = certificate_table(certificate, seconds=seconds)
         out.print(table.as_rich(_COLOURS))
         sentence("This rests on:")
         for line in certificate.assumptions:

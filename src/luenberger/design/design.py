@@ -186,7 +186,7 @@ def _design(data: Mapping[str, Any], function: Any) -> Design:
         model=None if data.get("model") is None else system_from_text(data["model"]),
         argument_gain=_optional_from_text(data.get("argument_gain")),
         filter_gain=_optional_from_text(data.get("filter_gain")),
-        certificate=Certificate.from_text(data["certificate"]),
+        certificate=Certificate.from_text(data["certificate"], data["system"]["dt"] is not None),
         method=data["method"],
         options=data["options"],
         references=tuple(data["references"]),

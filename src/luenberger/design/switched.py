@@ -182,7 +182,7 @@ def _built(data: Mapping[str, Any]) -> SwitchedDesign:
         system=switched_from_text(data["system"]),
         gains=tuple(polynomial_from_text(K) for K in data["gains"]),
         decoupling=tuple(polynomial_from_text(H) for H in data["decoupling"]),
-        certificate=Certificate.from_text(data["certificate"]),
+        certificate=Certificate.from_text(data["certificate"], discrete=True),
         method=data["method"],
         options=data["options"],
         references=tuple(data["references"]),

@@ -80,7 +80,7 @@ def _proved(certificate: Certificate | None) -> list[str]:
         return ["Nothing is certified about this estimator."]
     lines = ["Certified of the design (a statement about the stated model, see below for the sampled step):"]
     for proof in certificate.proofs:
-        lines.append(f"  {proof.outcome.value}: {proof.claim.sentence()}")
+        lines.append(f"  {proof.outcome.value}: {proof.sentence}")
     return [*lines, "This rests on:", *(f"  {sentence}" for sentence in certificate.assumptions)]
 
 

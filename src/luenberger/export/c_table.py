@@ -32,7 +32,14 @@ def table_header(table: GainTable, name: str) -> str:
         f" * L has {nx} rows (states {', '.join(system.states)}) and {ny} columns (outputs {', '.join(system.outputs)}), row by row.",
         f" * The interpolated gain differs from that of the design by at most {table.error:.6g} in any entry.",
         " * Proved of the interpolated gain, on every cell:",
-        *(f" *   {p.outcome.value}: {p.claim.sentence()}" for p in table.certificate.proofs),
+        *(f" *   {p.outcome.value}: {p.sentence}" for p in table.certificate.proofs),
+        *(
+            []
+            if system.dt is not None
+            else [
+                " * That is about continuous time: the step of the observer that reads this table is not in it, see `export --to c`."
+            ]
+        ),
         " * This rests on:",
         *(f" *   {line}" for line in table.certificate.assumptions),
         " */",

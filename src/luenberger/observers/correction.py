@@ -93,6 +93,11 @@ class CorrectionObserver(Observer):
         return self.plant.value.states
 
     @property
+    def reads(self) -> System:
+        """The plant whose signals it reads."""
+        return self.plant.value
+
+    @property
     def _fed(self) -> Polynomial | None:
         """Gain of the output error in the argument of f, or None where f is taken at the estimate."""
         return None

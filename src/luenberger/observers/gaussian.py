@@ -110,6 +110,11 @@ class GaussianFilter(Observer):
         )
         self.initial_covariance = checked_covariance("initial_covariance", initial_covariance, nx, "states")
 
+    @property
+    def reads(self) -> System | None:
+        """The plant whose signals it reads."""
+        return output.system if isinstance(output := self.model.value.output, Output) else None
+
     def init(self, x0: Any) -> Belief:
         """Return the start belief: the first guess with the initial covariance.
 

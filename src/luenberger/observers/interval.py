@@ -108,6 +108,11 @@ class IntervalObserver(Observer):
         """Names of the estimated states."""
         return self.plant.value.system.states
 
+    @property
+    def reads(self) -> System:
+        """The plant whose signals it reads."""
+        return self.plant.value.system
+
     def init(self, x0: Any) -> jax.Array:
         """Return the start state, the bounds of z in shape (2, nx), lower first.
 

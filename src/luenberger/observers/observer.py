@@ -6,6 +6,9 @@ from typing import Any
 import equinox as eqx
 import jax
 
+from luenberger.systems.switched import Switched
+from luenberger.systems.system import System
+
 
 class Estimate(eqx.Module):
     """What an observer says at one sample.
@@ -31,6 +34,11 @@ class Observer(eqx.Module):
     """
 
     dt: eqx.AbstractVar[float]
+
+    @property
+    def reads(self) -> System | Switched | None:
+        """The plant whose inputs, outputs and scheduling `step` takes, for checks at the door; None where only functions are known."""
+        return None
 
     @abstractmethod
     def init(self, x0: Any) -> Any:

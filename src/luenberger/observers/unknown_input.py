@@ -167,6 +167,11 @@ class UnknownInputObserver(Observer):
         """Names of the estimated states."""
         return self.plant.value.first.states
 
+    @property
+    def reads(self) -> Switched:
+        """The plant whose signals it reads."""
+        return self.plant.value
+
     def init(self, x0: Any) -> DecoupledState:
         """Return the start state: the first guess with the initial half widths, or a zonotope that holds the initial state.
 

@@ -117,6 +117,11 @@ class ZonotopicObserver(Observer):
         """Names of the estimated states."""
         return self.first.states
 
+    @property
+    def reads(self) -> System | Switched:
+        """The plant whose signals it reads."""
+        return self.plant.value
+
     def init(self, x0: Any) -> Zonotope:
         """Return the start set: the first guess with the initial half widths, or a zonotope as given.
 

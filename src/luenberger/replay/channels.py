@@ -10,6 +10,7 @@ import numpy as np
 from luenberger.core import BadInput, Trajectory
 from luenberger.core.checks import known_keys
 from luenberger.observers import Observer
+from luenberger.systems import Switched
 
 # Steps may differ from dt by this share, beyond the rounding of the time stamps themselves.
 STEP_TOLERANCE = 1e-6
@@ -85,15 +86,32 @@ def samples_of(
         missing_outputs: let NaN in output channels pass, for observers that skip missing entries.
 
     Raises:
-        BadInput: a channel is missing or holds NaN/Inf, or the time step is not the observer's.
+        BadInput: more or fewer channels than the observer reads, one that is missing or holds NaN/Inf, or a time step that is not
+            the observer's.
     """
     uniform(name, observer.dt, trajectory)
     u, y, r = (trajectory.table(group) for group in (channels.inputs, channels.outputs, channels.scheduling))
+    _complete(name, observer, channels)
     _finite(trajectory, channels.inputs, u, "")
     _finite(trajectory, channels.scheduling, r, "")
     hint = " If the observer skips missing outputs (Kalman filters do), pass `missing_outputs=True`."
     _finite(trajectory, channels.outputs, np.where(np.isnan(y), 0.0, y) if missing_outputs else y, hint)
     return u, y, r
+
+
+def _complete(name: str, observer: Observer, channels: Channels) -> None:
+    """Refuse channels of another number than the plant has: a vector of another length may still broadcast, to nonsense."""
+    if observer.reads is None:
+        return
+    plant = Switched.of(observer.reads)
+    needed = {"inputs": plant.first.inputs, "outputs": plant.first.outputs, "scheduling": plant.scheduling_names}
+    for group, names in needed.items():
+        given = getattr(channels, group)
+        if len(given) != len(names):
+            raise BadInput(
+                f"`{name}` reads the {group} {list(names)}, {len(names)} in all, but its channels name {len(given)}: {list(given)}. Give one "
+                "channel for each, in this order."
+            )
 
 
 def uniform(name: str, dt: float, trajectory: Trajectory) -> None:

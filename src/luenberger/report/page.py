@@ -124,7 +124,7 @@ def _certified(name: str, design: Design | SwitchedDesign, colour: str | None) -
     plant = Switched.of(design.system).first
     proofs = [
         {
-            "sentence": proof.claim.sentence(plant.dt is not None),
+            "sentence": proof.sentence,
             "kind": proof.claim.kind.replace("_", " "),
             "level": f"{proof.claim.level:.6g}",
             "margin": f"{proof.margin:.2g}" if proof.margin else "–",

@@ -137,12 +137,11 @@ def column_texts(cells: Sequence[Any]) -> list[str]:
     return [_cell_text(c, ".3g") for c in cells]
 
 
-def certificate_table(certificate: Certificate, *, discrete: bool = False, seconds: Sequence[float] = ()) -> Table:
+def certificate_table(certificate: Certificate, *, seconds: Sequence[float] = ()) -> Table:
     """Return what is certified: one row a claim with level, outcome and margin; statements and reasons are its notes.
 
     Args:
         certificate: claims with proofs.
-        discrete: the plant has a sample time, so decay is a factor a step.
         seconds: time each proof took [s]; a column is left out where nothing is given.
     """
     columns = ["claim", "level", "outcome", "margin", *(["time [ms]"] if seconds else [])]
@@ -152,7 +151,7 @@ def certificate_table(certificate: Certificate, *, discrete: bool = False, secon
         level = f"{proof.claim.level:.6g}"
         margin = f"{proof.margin:.2g}" if proof.margin else None
         rows.append([proof.claim.kind, level, proof.outcome.value, margin, *time])
-        notes.append(f"{proof.claim.kind}: {proof.claim.sentence(discrete)} {proof.reason}")
+        notes.append(f"{proof.claim.kind}: {proof.sentence} {proof.reason}")
     return Table(columns, rows, notes)
 
 

@@ -61,6 +61,8 @@ class Interval(eqx.Module):
             BadInput: a negative radius or NaN.
         """
         middle, half = np.broadcast_arrays(np.asarray(center, dtype=float), np.asarray(radius, dtype=float))
+        if not (half >= 0).all():
+            raise BadInput(f"`radius` is {np.asarray(radius).tolist()}; half widths >= 0 are needed.")
         return Interval.of(middle - half, middle + half)
 
     @property
@@ -96,7 +98,7 @@ class Interval(eqx.Module):
     def __mul__(self, other: Any) -> "Interval":
         """Entrywise product: least and greatest of the four products of bounds, the exact range of each entry."""
         other = as_interval(other)
-        corners = [a * b for a in (self.lower, self.upper) for b in (other.lower, other.upper)]
+        corners = [_corner(a, b) for a in (self.lower, self.upper) for b in (other.lower, other.upper)]
         low, high = corners[0], corners[0]
         for corner in corners[1:]:
             low, high = jnp.minimum(low, corner), jnp.maximum(high, corner)
@@ -141,8 +143,13 @@ class Interval(eqx.Module):
         Args:
             point: array of the same shape.
             tolerance: how far outside still counts as inside.
+
+        Raises:
+            BadInput: a point of another shape.
         """
         x = jnp.asarray(point)
+        if x.shape != self.lower.shape:
+            raise BadInput(f"`point` has shape {x.shape}; that of the interval, {self.lower.shape}, is needed.")
         return jnp.all((x >= self.lower - tolerance) & (x <= self.upper + tolerance))
 
 
@@ -158,7 +165,17 @@ def as_interval(value: Any) -> Interval:
     return Interval(array, array)
 
 
+def _corner(a: jax.Array, b: jax.Array) -> jax.Array:
+    """a b, with zero times infinity zero: an end at infinity stands for numbers without bound, each finite."""
+    unbounded = ((a == 0) & jnp.isinf(b)) | ((b == 0) & jnp.isinf(a))
+    return jnp.where(unbounded, 0.0, a * b)
+
+
 def _product(A: Interval, x: Interval) -> Interval:
+    if A.lower.ndim != 2 or x.lower.ndim not in (1, 2) or A.lower.shape[1] != x.lower.shape[0]:
+        raise BadInput(
+            f"A product of interval shapes {A.lower.shape} and {x.lower.shape} does not exist; (m, n) and (n,) or (n, k) are needed."
+        )
     vector = x.lower.ndim == 1
     right = Interval(x.lower[:, None], x.upper[:, None]) if vector else x
     terms = Interval(A.lower[:, :, None], A.upper[:, :, None]) * Interval(right.lower[None], right.upper[None])

@@ -75,6 +75,8 @@ class Zonotope(eqx.Module):
     def __rmatmul__(self, matrix: Any) -> "Zonotope":
         """The image under a linear map; exact."""
         M = jnp.asarray(matrix)
+        if M.ndim != 2 or M.shape[1] != self.dimension:
+            raise BadInput(f"A zonotope of dimension {self.dimension} has no image under a matrix of shape {M.shape}.")
         return Zonotope(M @ self.center, M @ self.generators)
 
     def __add__(self, other: Any) -> "Zonotope":
@@ -127,17 +129,27 @@ class Zonotope(eqx.Module):
 
         Args:
             point: shape (n,).
+
+        Raises:
+            BadInput: a point of another length, or not finite.
         """
         G = np.asarray(self.generators)
         n, p = G.shape
-        offset = finite_array("point", point) - np.asarray(self.center)
-        scale = max(float(np.abs(G).max(initial=0.0)), 1e-300)
+        given = finite_array("point", point)
+        if given.shape != (n,):
+            raise BadInput(f"`point` has shape {given.shape}; ({n},) is needed.")
+        offset = given - np.asarray(self.center)
+        # Row by row: under one scale for all, a state of small numbers would drown in the tolerance of the solver.
+        scale = np.abs(G).max(axis=1, initial=0.0)
+        if (offset[scale == 0] != 0).any():
+            return float("inf")
+        scale[scale == 0] = 1.0
         bounds = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), -np.ones((2 * p, 1))])
         answer = linprog(
             np.append(np.zeros(p), 1.0),
             A_ub=bounds,
             b_ub=np.zeros(2 * p),
-            A_eq=np.hstack([G / scale, np.zeros((n, 1))]),
+            A_eq=np.hstack([G / scale[:, None], np.zeros((n, 1))]),
             b_eq=offset / scale,
             bounds=[(None, None)] * p + [(0, None)],
             method="highs",
