@@ -10,7 +10,7 @@ import numpy as np
 
 from luenberger.algebra import Polynomial
 from luenberger.certify import Certificate, Claim, certify_claims, certify_switched_claims
-from luenberger.core import NotAccepted, NotCertified, Outcome
+from luenberger.core import BadInput, NotAccepted, NotCertified, Outcome
 from luenberger.design import Design, SwitchedDesign
 from luenberger.design.design import predictor_gain
 from luenberger.lmi import decay_storage
@@ -56,6 +56,12 @@ def synthesize(
         Infeasible: nothing was found.
         NotCertified: a gain was found but a claim could not be proved.
     """
+    if isinstance(method, type) or not hasattr(method, "accept"):
+        given = f"the class `{method.__name__}`" if isinstance(method, type) else f"a `{type(method).__name__}`"
+        raise BadInput(
+            f"`synthesize` takes a plant and a method, but the method given is {given}; pass a method with its options, e.g. "
+            "`synthesize(plant, UnknownInputGain(fade=0.2))`."
+        )
     if getattr(method, "takes_modes", False):
         return _switched(Switched.of(system), method, digits, require)  # type: ignore[arg-type]
     if not isinstance(system, System):

@@ -129,9 +129,9 @@ def require_bounded(system: System) -> None:
             "powers. Discretise or freeze it."
         )
     if system.noise_bound is None or (system.nd and system.disturbance_bound is None):
+        missing = "no `noise_bound`" if system.noise_bound is None else "an E without `disturbance_bound`"
         raise BadInput(
-            f"`{system.name}` has no `noise_bound`, or an E without `disturbance_bound`; a steady box needs both. Give numbers, "
-            "zero where there is nothing."
+            f"`{system.name}` has {missing}; a steady box needs bounds of noise and disturbance. Give numbers, zero where there is nothing."
         )
 
 

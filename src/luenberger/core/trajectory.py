@@ -26,6 +26,10 @@ class Signal:
     description: str = ""
 
     def __post_init__(self) -> None:
+        if isinstance(self.values, str):
+            raise BadInput(
+                f"Signal `{self.name}` has the unit {self.unit!r} and the values {self.values!r}; give name, unit, values in this order."
+            )
         values = np.array(self.values, dtype=np.float64)
         if values.ndim != 1:
             raise BadInput(f"Signal `{self.name}` has shape {values.shape}; a signal needs shape (nt,).")

@@ -29,8 +29,6 @@ Running = CorrectionObserver | IntervalObserver | TwoDofObserver | ZonotopicObse
 FORMAT = "luenberger design 1"
 _KEYS = ("format", "method", "options", "references", "system", "gain", "model", "certificate", "statistics")
 _LATER = ("argument_gain", "filter_gain")
-# Generators that a set keeps where nobody says how many: this many for each state, and not fewer than the second number.
-_GENERATORS = (5, 20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +93,9 @@ class Design:
             )
         if self.system.dt is not None:
             sample_time(self.system, dt)
-        each, least = _GENERATORS
-        chosen = {"count": max(least, each * self.system.nx), **options}
         if self.filter_gain is not None:
-            return ZonotopicStripFilter(self.system, self.filter_gain, **chosen)
-        return ZonotopicLuenberger(self.system, self.gain, **chosen)
+            return ZonotopicStripFilter(self.system, self.filter_gain, **options)
+        return ZonotopicLuenberger(self.system, self.gain, **options)
 
     def certify(self, progress: Callable[[str, float], None] | None = None) -> Certificate:
         """Check all claims again, from plant, gain and witnesses alone.

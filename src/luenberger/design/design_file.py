@@ -25,9 +25,13 @@ def read_file(path: str | Path) -> dict[str, Any]:
     except OSError as cause:
         raise BadInput(f"`{path}` cannot be read ({cause.strerror}); give the path of a design file.") from None
     except ValueError as cause:
-        raise BadInput(f"`{path}` is not JSON ({cause}); give a file written by `Design.save`.") from None
+        raise BadInput(
+            f"`{path}` is not JSON, or is cut off ({cause}); give a whole file as `Design.save` wrote it."
+        ) from None
     if not isinstance(data, dict) or "format" not in data:
-        raise BadInput(f"`{path}` is no design file; it does not say its `format`.")
+        raise BadInput(
+            f"`{path}` is no design file, it does not say its `format`; give a file written by `Design.save`."
+        )
     return data
 
 
@@ -48,7 +52,10 @@ def built_from(
     """
     data = read_file(path)
     if data["format"] != form:
-        raise BadInput(f"`{path}` is no design file of this kind; its `format` needs to be `{form}`.")
+        raise BadInput(
+            f"`{path}` is no design file of this kind; its `format` is `{data['format']}` and needs to be `{form}`. "
+            "`luenberger.design.load_design` reads both kinds."
+        )
     known_keys(f"`{path}`", data, [*keys, *later])
     try:
         return build(data)
@@ -66,5 +73,13 @@ def write_file(path: str | Path, data: Mapping[str, Any]) -> None:
     Args:
         path: file to write.
         data: entries, `format` first.
+
+    Raises:
+        BadInput: the file cannot be written.
     """
-    Path(path).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    try:
+        Path(path).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    except OSError as cause:
+        raise BadInput(
+            f"`{path}` cannot be written ({cause.strerror}); give another path, in a folder that exists."
+        ) from None

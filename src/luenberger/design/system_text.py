@@ -168,7 +168,8 @@ def _nonlinearity_from_text(data: dict[str, Any], function: Any) -> Nonlinearity
 
     def absent(z: Any, u: Any) -> Any:
         raise BadInput(
-            f"The design was loaded without its nonlinear function `{data['function']}`; pass `function=` to `Design.load` to run an observer."
+            f"The design was loaded without its nonlinear function `{data['function']}`; give it back to run an observer: "
+            "`Design.load(path, function=f)`, or `--function MODULE:NAME` on the command line, of a function that can be imported."
         )
 
     domain, vertices = data["domain"], data.get("jacobian_vertices")

@@ -194,7 +194,11 @@ def _require(design: Design, axes: Sequence[Axis], used: Sequence[str]) -> None:
     if not used:
         raise NotAccepted("The gain of this design is constant; it needs no table.")
     if missing := [n for n in used if n not in named]:
-        raise BadInput(f"The gain depends on {used}; an axis for {missing} is missing.")
+        axes_needed = ", ".join(f"{n} in [{box[n][0]:.6g}, {box[n][1]:.6g}]" for n in missing)
+        raise BadInput(
+            f"The gain depends on {used}; an axis is missing for {axes_needed}. Give one with points from end to end: `Axis(name, points)`, or "
+            f"`--axis {missing[0]}:{box[missing[0]][0]:.6g},...,{box[missing[0]][1]:.6g}` on the command line."
+        )
     for axis in axes:
         if axis.parameter not in used or named.count(axis.parameter) > 1:
             raise BadInput(f"`{axis.parameter}` is no parameter of the gain, or is given twice; it depends on {used}.")

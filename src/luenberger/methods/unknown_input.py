@@ -208,7 +208,7 @@ def _too_fast(plant: Switched, zeros: tuple[tuple[int, Mode], ...], fade: float,
     )
     return Infeasible(
         f"No observer of this form exists for fade = {fade:.6g}: the zero z = {zero.value}{where} stays in the error whatever the "
-        f"gain, so fade < 1 - |z|^2 = {limit:.6g} is needed. Ask for less. {advice}",
+        f"gain, so fade < 1 - |z|^2 = {limit:.6g} is needed. Ask for less, or let `fade=None` look for the best. {advice}",
         "",
         limit,
     )

@@ -150,6 +150,11 @@ def require_decouplable(plant: Switched) -> tuple[tuple[int, Mode], ...]:
     found: list[tuple[int, Mode]] = []
     for number, system in enumerate(plant.modes):
         where = f"`{system.name}`" if len(plant.modes) == 1 else f"mode {number} of `{plant.name}`"
+        if system.nd == 0:
+            raise NotAccepted(
+                f"{where} has no unknown input E, so there is nothing to decouple. State its direction, or take a method without one, e.g. "
+                "`KalmanGain` or `SteadyWidth`."
+            )
         _require_form(system, where)
         nominal = Uncertain.of(system).nominal
         report = strong_detectability(nominal)

@@ -38,6 +38,7 @@ from luenberger.observers.unknown_input_plant import (
     require_decoupled,
     require_form,
 )
+from luenberger.observers.zonotopic_plant import generator_count
 from luenberger.sets import Interval, Zonotope, girard
 from luenberger.systems.switched import Switched
 from luenberger.systems.system import System
@@ -148,9 +149,7 @@ class UnknownInputObserver(Observer):
         )
         bound = np.full(nx, np.inf) if state_bound is None else np.asarray(state_bound, dtype=float)
         self.state_bound = _widths("state_bound", bound, nx)
-        self.count = max(20, 5 * nx) if count is None else count
-        if self.count < nx:
-            raise BadInput(f"`count` is {self.count}; at least one generator for each of the {nx} states is needed.")
+        self.count = generator_count(count, nx)
         known_keys("`uncertainty`", [uncertainty], UNCERTAINTY)
         if not closed_loop and not np.isfinite(self.state_bound).all():
             raise BadInput(

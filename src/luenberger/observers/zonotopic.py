@@ -33,6 +33,7 @@ from luenberger.observers.zonotopic_plant import (
     checked_gains,
     factors_of,
     gain_at,
+    generator_count,
     matrices,
     pushed,
     require_noise,
@@ -58,7 +59,7 @@ class ZonotopicObserver(Observer):
         system: discrete plant, linear or scheduled, with `noise_bound`, and `disturbance_bound` where it has an E; or a `Switched`
             plant.
         initial_half_width: half widths of the box around the first guess that holds the initial state, shape (nx,).
-        count: generators kept, at least nx; five times nx and more is advised.
+        count: generators kept, at least nx; left out: 20, and at least five times nx.
         reduction: `girard` (default), `combastel` or `pca`.
         state_bound: half widths of a box about zero that the state is known never to leave, shape (nx,), infinite where there is
             none. It only bounds what uncertain factors can do; without uncertainty it changes nothing.
@@ -81,7 +82,7 @@ class ZonotopicObserver(Observer):
         system: System | Switched | Sequence[System],
         *,
         initial_half_width: Any,
-        count: int,
+        count: int | None = None,
         reduction: Reduction = girard,
         state_bound: Any = None,
     ):
@@ -97,14 +98,16 @@ class ZonotopicObserver(Observer):
             raise BadInput(
                 f"`state_bound` is {limit.tolist()}; {first.nx} numbers >= 0 are needed, one for each state."
             )
-        if count < first.nx:
-            raise BadInput(f"`count` is {count}; at least one generator for each of the {first.nx} states is needed.")
+        if not callable(reduction):
+            raise BadInput(
+                f"`reduction` is {reduction!r}; a function is needed: `girard`, `combastel` or `pca` of `luenberger.sets`."
+            )
         self.dt = sample_time(first, None)
         self.plant = Fixed(plant)
         self.factors = Fixed(factors_of(plant))
         self.initial_half_width = half
         self.state_bound = limit
-        self.count = count
+        self.count = generator_count(count, first.nx)
         self.reduction = reduction
 
     @property
@@ -212,7 +215,7 @@ class ZonotopicLuenberger(ZonotopicObserver):
         gain: Any,
         *,
         initial_half_width: Any,
-        count: int,
+        count: int | None = None,
         reduction: Reduction = girard,
         state_bound: Any = None,
     ):
@@ -250,7 +253,7 @@ class ZonotopicKalmanFilter(ZonotopicObserver):
         system: System | Switched | Sequence[System],
         *,
         initial_half_width: Any,
-        count: int,
+        count: int | None = None,
         reduction: Reduction = girard,
         state_bound: Any = None,
     ):
@@ -284,7 +287,7 @@ class ZonotopicFilter(ZonotopicObserver):
         system: System | Switched | Sequence[System],
         *,
         initial_half_width: Any,
-        count: int,
+        count: int | None = None,
         reduction: Reduction = girard,
         state_bound: Any = None,
     ):

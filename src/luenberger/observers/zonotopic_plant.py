@@ -44,11 +44,29 @@ def bounded(system: System | Switched | Sequence[System]) -> System | Switched:
         if mode.nonlinearity is not None:
             raise NotAccepted(f"`{mode.name}` has a nonlinearity; zonotopes carry linear plants.")
         if mode.noise_bound is None or (mode.nd and mode.disturbance_bound is None):
+            missing = "no `noise_bound`" if mode.noise_bound is None else "an E without `disturbance_bound`"
             raise BadInput(
-                f"`{mode.name}` has no `noise_bound`, or an E without `disturbance_bound`; a guarantee needs both. Give numbers, "
-                "zero where there is nothing."
+                f"`{mode.name}` has {missing}; a guarantee needs bounds of noise and disturbance. Give numbers, zero where there is nothing."
             )
     return switched if len(switched.modes) > 1 else switched.first
+
+
+def generator_count(count: int | None, nx: int) -> int:
+    """Return how many generators a set keeps: what is asked for, or twenty, and five for each state where there are more than four.
+
+    Args:
+        count: what is asked for; None for the default.
+        nx: number of states.
+
+    Raises:
+        BadInput: fewer than one for each state.
+    """
+    kept = max(20, 5 * nx) if count is None else count
+    if kept < nx:
+        raise BadInput(
+            f"`count` is {kept}; at least one generator for each of the {nx} states is needed, five are advised."
+        )
+    return kept
 
 
 def require_noise(plant: System | Switched) -> None:

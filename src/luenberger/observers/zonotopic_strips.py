@@ -59,7 +59,7 @@ class ZonotopicStripFilter(ZonotopicObserver):
         *,
         strips: str = "together",
         initial_half_width: Any,
-        count: int,
+        count: int | None = None,
         reduction: Reduction = girard,
         state_bound: Any = None,
     ):

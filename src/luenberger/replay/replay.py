@@ -110,6 +110,10 @@ def replay(
         BadInput: no observer, missing channels, NaN/Inf, steps that are not the observer's dt, unknown names.
         ReplayFailed: an estimate is not finite; observer and first bad sample are named.
     """
+    if not isinstance(observers, Mapping):
+        raise BadInput(
+            f"`observers` is a `{type(observers).__name__}`; a mapping from name to observer is needed, e.g. {{'ours': observer}}."
+        )
     if not observers:
         raise BadInput("`observers` is empty; give at least one, e.g. {'kalman': KalmanFilter(...)}.")
     chosen = channels_of(observers, channels)

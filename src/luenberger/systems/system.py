@@ -121,8 +121,8 @@ class System(eqx.Module):
         if len(set(names)) != len(names):
             raise BadInput(f"Parameters {names} repeat a name; give each its own.")
         nx = _rows("A", A)
-        if dt is not None and not (np.isfinite(dt) and dt > 0):
-            raise BadInput(f"`dt` is {dt}; a discrete plant needs a positive step in seconds, a continuous one None.")
+        if dt is not None and (isinstance(dt, str) or not (np.isfinite(dt) and dt > 0)):
+            raise BadInput(f"`dt` is {dt!r}; a discrete plant needs a positive step in seconds, a continuous one None.")
         if (F is None) != (nonlinearity is None):
             raise BadInput("`F` and `nonlinearity` belong together; give both or neither.")
         nu, nd = _columns("B", B, 0), _columns("E", E, 0)
@@ -337,6 +337,8 @@ def _names(what: str, given: Sequence[str], letter: str, count: int) -> tuple[st
 def _bounds(name: str, given: Sequence[float] | None, count: int) -> tuple[float, ...] | None:
     if given is None:
         return None
+    if np.ndim(given) != 1 or isinstance(given, str):
+        raise BadInput(f"`{name}` is {given!r}; a list of {count} numbers >= 0 is needed, one for each signal.")
     values = tuple(float(v) for v in given)
     if len(values) != count or not all(np.isfinite(v) and v >= 0 for v in values):
         raise BadInput(f"`{name}` is {list(values)}; {count} finite numbers >= 0 are needed, one for each signal.")
