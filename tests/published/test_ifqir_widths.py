@@ -108,11 +108,13 @@ def test_an_input_error_needs_its_generator() -> None:
     assert blind.left(cars_.states).any()
 
 
-def test_the_printed_recursion_is_left_where_noise_outweighs_uncertainty() -> None:
-    share, noise = 0.01, 0.02
+@pytest.mark.parametrize(("share", "least"), [(0.02, 10), (0.01, 30)])
+def test_the_printed_recursion_is_left_where_noise_outweighs_uncertainty(share: float, least: int) -> None:
+    # Another drive gave 16 and 36 of 42 runs; how many it is depends on the drive, that it is many does not.
+    noise = 0.02
     outside, count, _ = printed_left(share, noise)
     assert count == 52
-    assert outside >= 10
+    assert outside >= least
     road = drive()
     cars_ = cars(road, choices(), share=share, noise=noise)
     corrected = enclosed(observer("c0", share=share, noise=noise), cars_, road.speed[:, None])
