@@ -40,7 +40,7 @@ HEADINGS = ("entrant", "width [m/s]", "runs left", "reach [%]", "RMSE [m/s]", "r
 NOTE = (
     "Mean distance of the bounds of the lateral speed; on how many runs a state ever leaves its bounds; how much of the half width an error "
     "takes at most; root mean square error of the middle; what the bounds rest on. "
-    "`Gust bounded` is a zonotopic filter that is told the largest gust; the Kalman filter's bounds are three standard deviations either way."
+    "The gust is bounded by a zonotopic filter that is told the largest gust; the Kalman filter's bounds are three standard deviations either way."
 )
 STATED = "certificate"
 INDUCTION = "recursion"

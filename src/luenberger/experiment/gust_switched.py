@@ -3,13 +3,14 @@
 from collections.abc import Callable, Mapping
 
 from luenberger.design import SwitchedDesign
+from luenberger.experiment.gust_drive import Drive
 from luenberger.experiment.gust_entrants import SOURCES, bounding, gaussian, local_schedule
 from luenberger.experiment.gust_runs import VARIANTS, WORDS, Cars, Enclosure, driven, enclosed
 from luenberger.experiment.gust_specification import GustSpecification
 from luenberger.experiment.gust_study import HEADINGS, INDUCTION, NONE, NOTE, STATED, Study, scored
 from luenberger.methods import UnknownInputGain
 from luenberger.methods.unknown_input_inequality import Storage
-from luenberger.report.figures import error_bars, estimate_figure
+from luenberger.report.figures import Figure, error_bars, estimate_figure
 from luenberger.report.tables import Table
 from luenberger.synthesize import synthesize
 from luenberger.systems import Switched
@@ -34,11 +35,7 @@ def switched_study(spec: GustSpecification, progress: Callable[[str, float], Non
         progress: called with what is being done and the share done.
     """
     road, plant = spec.road(), spec.switched()
-    designs = {}
-    for k, storage in enumerate(STORAGES):
-        progress(f"designing with {STORAGES[storage]}", 0.05 * k)
-        modes = spec.switched(DWELL) if storage == "dwell" else plant
-        designs[STORAGES[storage]] = synthesize(modes, UnknownInputGain(fade=spec.fade, storage=storage))
+    designs = _designed(spec, plant, progress)
     first = designs[STORAGES["common"]]
     progress("driving", 0.2)
     schedule = road.speed[:, None]
@@ -55,32 +52,18 @@ def switched_study(spec: GustSpecification, progress: Callable[[str, float], Non
         BOUNDING: bounding(spec, "bounded", spec.force, runs, local),
         NOISE: gaussian(spec, spec.force, runs, local),
     }
-    kinds = {**dict.fromkeys(found, STATED), BOUNDING: INDUCTION, NOISE: NONE}
     everybody = found | others
-    rows = [scored(name, bounds, runs, kinds[name]) for name, bounds in everybody.items()]
     best = list(found)[-1]
+    kinds = {**dict.fromkeys(everybody, INDUCTION), best: STATED, NOISE: NONE}
+    rows = [scored(name, bounds, runs, kinds[name]) for name, bounds in everybody.items()]
     shown = {n: everybody[n] for n in (best, BOUNDING, NOISE)}
+    # Those of the other picture first, so that everybody has one colour; then the recursions from the narrowest on.
+    drawn = shown | {n: everybody[n] for n in reversed(found)}
     return Study(
         _summary(spec, everybody, best, runs),
         Table(HEADINGS, rows, [NOTE, _runs(spec, runs)], "Lateral speed"),
-        [
-            error_bars(
-                {n: b.width for n, b in everybody.items()},
-                name="mean width of the bounds of the lateral speed",
-                unit="m/s",
-            ),
-            estimate_figure(
-                road.time,
-                runs.states[_SHOWN, :, 0],
-                {n: b.estimate[_SHOWN, :, 0] for n, b in shown.items()},
-                name="lateral speed",
-                unit="m/s",
-                truth_name="car",
-                bounds={n: (b.lower[_SHOWN, :, 0], b.upper[_SHOWN, :, 0]) for n, b in shown.items()},
-                caption="Shown is a run whose stiffness and noise push the error of the unknown-input observer up at every sample.",
-            ),
-        ],
-        designs,
+        _figures(road, runs, shown, drawn),
+        {best if design is first else name: design for name, design in designs.items()},
         {
             "time": road.time,
             "speed": road.speed,
@@ -90,13 +73,48 @@ def switched_study(spec: GustSpecification, progress: Callable[[str, float], Non
         }
         | {f"{n} {end}": getattr(b, end)[_SHOWN, :, 0] for n, b in shown.items() for end in ("lower", "upper")},
         [_storages(designs, plant)],
-        [
-            f"The car is sampled by Euler's rule with {spec.sample_time:g} s and is exactly what the plant says: in a mode it has the speed of "
-            "the mode, and nothing covers what it deviates from that, see the study on the double track.",
-            f"The zonotopic filter is told {spec.force:g} N, the largest gust of the drive; the {OURS}, c0 to c4, is told nothing of the gust.",
-        ],
+        _assumptions(spec),
         SOURCES,
     )
+
+
+def _designed(
+    spec: GustSpecification, plant: Switched, progress: Callable[[str, float], None]
+) -> dict[str, SwitchedDesign]:
+    designs = {}
+    for k, storage in enumerate(STORAGES):
+        progress(f"designing with {STORAGES[storage]}", 0.05 * k)
+        modes = spec.switched(DWELL) if storage == "dwell" else plant
+        designs[STORAGES[storage]] = synthesize(modes, UnknownInputGain(fade=spec.fade, storage=storage))
+    return designs
+
+
+def _figures(road: Drive, runs: Cars, shown: Mapping[str, Enclosure], drawn: Mapping[str, Enclosure]) -> list[Figure]:
+    return [
+        error_bars(
+            {n: b.width for n, b in drawn.items()},
+            name="mean width of the bounds of the lateral speed",
+            unit="m/s",
+        ),
+        estimate_figure(
+            road.time,
+            runs.states[_SHOWN, :, 0],
+            {n: b.estimate[_SHOWN, :, 0] for n, b in shown.items()},
+            name="lateral speed",
+            unit="m/s",
+            truth_name="car",
+            bounds={n: (b.lower[_SHOWN, :, 0], b.upper[_SHOWN, :, 0]) for n, b in shown.items()},
+            caption="Shown is a run whose stiffness and noise push the error of the unknown-input observer up at every sample.",
+        ),
+    ]
+
+
+def _assumptions(spec: GustSpecification) -> list[str]:
+    return [
+        f"The car is sampled by Euler's rule with {spec.sample_time:g} s and is exactly what the plant says: in a mode it has the speed of "
+        "the mode, and nothing covers what it deviates from that, see the study on the double track.",
+        f"The zonotopic filter is told {spec.force:g} N, the largest gust of the drive; the {OURS}, c0 to c4, is told nothing of the gust.",
+    ]
 
 
 def _storages(designs: dict[str, SwitchedDesign], plant: Switched) -> Table:
