@@ -111,7 +111,7 @@ def _readme(code: CCode, tolerance: float, count: int) -> str:
     table = "\n".join(rows)
     return f"""# {name}
 
-One step of a {type(code.guarded.observer).__name__}, sample time {code.guarded.observer.dt!r} s, in C99 ({code.precision}).
+`{type(code.guarded.observer).__name__}`, one step of {code.guarded.observer.dt!r} s, in C99 ({code.precision}).
 
     {name}_state state;
     {name}_estimate estimate;
