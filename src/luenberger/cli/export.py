@@ -22,7 +22,7 @@ def command(
     to: Annotated[str, typer.Option("--to", help="c: the observer as C99; table: its gain over a grid.")] = "c",
     name: Annotated[str, typer.Option("--name", help="Prefix of files and symbols.")] = "observer",
     precision: Annotated[str, typer.Option("--precision", help="double or float.")] = "double",
-    dt: Annotated[float | None, typer.Option("--dt", help="Sample time [s] of a continuous design.")] = None,
+    dt: Annotated[float | None, typer.Option("--dt", help="Sample time in s of a continuous design.")] = None,
     half_width: Annotated[
         str,
         typer.Option("--half-width", help="Initial half widths of a set, e.g. 0.1,0.2; observers with sets need them."),
@@ -46,6 +46,10 @@ def command(
     Exit code 0: written and agreeing, 1: something disagrees or is not proved for the numbers that ship, 2: input that cannot be used.
 
     Example: luenberger export results/slip_angle_slalom/lpv_observer.json build/observer --dt 0.01
+
+    A set around the estimate: luenberger export wind.json build/wind --half-width 0.01,0.01
+
+    A gain table: luenberger export lpv.json build/table --to table --axis speed:5,10,20,40 --axis acceleration:-5,0,5
     """
     if to not in TARGETS:
         raise BadInput(f"`--to {to}` is no target.{nearest(to, TARGETS)}")
