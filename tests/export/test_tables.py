@@ -3,6 +3,7 @@
 import csv
 import itertools
 import subprocess
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -56,9 +57,30 @@ def test_halving_the_cells_quarters_the_error() -> None:
     assert 0.2 < fine.error / table().error < 0.3
 
 
+def test_points_beyond_the_plant_change_nothing_of_what_is_proved() -> None:
+    wider = (
+        Axis("inverse_speed", (2.0, 3.0, *SPEEDS, 60.0), "speed"),
+        Axis("acceleration", (-20.0, -8.0, 4.0, 10.0)),
+    )
+    found = look_up_table(design(), wider, levels={"decay": 4.5})
+    assert found.certificate.outcome is Outcome.PROVED
+    # Of ten by three cells those that only touch the box may count, where the last digit of 1/v decides.
+    told = found.certificate.assumptions[-1]
+    assert 6 <= int(told.split("each of its ")[1].split()[0]) <= 10
+
+
+def test_a_speed_that_is_read_with_an_error_has_no_table() -> None:
+    plant = slip_angle_plant(carmaker_car, (15 / 3.6, 150 / 3.6), (-8.0, 4.0))
+    erring = plant.replace(
+        parameters=[replace(p, error=1e-4) if p.name == "inverse_speed" else p for p in plant.parameters]
+    )
+    with pytest.raises(NotAccepted, match=r"\['inverse_speed'\] are read with an error"):
+        look_up_table(replace(design(), system=erring), AXES)
+
+
 def test_what_is_proved_is_the_gain_of_the_table() -> None:
     assert table().certificate.outcome is Outcome.PROVED
-    assert "each of its 6 cells was proved" in table().certificate.assumptions[-1]
+    assert "each of its 6 cells in the box of the plant was proved" in table().certificate.assumptions[-1]
     # The design keeps 5.0, its table of so few points does not.
     with pytest.raises(NotAccepted, match="Take more points"):
         look_up_table(design(), AXES)
@@ -113,7 +135,7 @@ def test_the_header_interpolates_as_python_does(precision: str, tmp_path: Path) 
 
 
 def test_refusals() -> None:
-    with pytest.raises(BadInput, match="an axis for"):
+    with pytest.raises(BadInput, match="an axis is missing for acceleration"):
         look_up_table(design(), AXES[:1])
     with pytest.raises(BadInput, match="is no parameter of the gain"):
         look_up_table(design(), (*AXES, Axis("mass", (1.0, 2.0))))

@@ -154,12 +154,16 @@ def look_up_table(
     for index in np.ndindex(*shape):
         at = {axis.parameter: g[k] for axis, g, k in zip(axes, grids, index, strict=True)}
         values[index] = np.asarray(gain({n: at[n] for n in gain.names}), float).astype(kind)
+    bounds = {p.name: p for p in system.parameters if p.lower < p.upper}
     proofs: list[Any] = []
     error, cells = 0.0, list(product(*(range(n - 1) for n in shape)))
     for done, cell in enumerate(cells):
         if progress is not None:
             progress("proving the table", done / len(cells))
         piece, box = _cell_gain(axes, values, cell), _box(axes, cell)
+        if any(box[n][0] >= p.upper or box[n][1] <= p.lower for n, p in bounds.items() if n in box):
+            # Outside the interval of the plant there is nothing to prove.
+            continue
         error = max(error, _largest_difference(piece, gain, axes, box))
         # A signal that the table is read by joins the plant as a parameter of its own: both vary freely on the cell.
         inside = [
@@ -170,7 +174,11 @@ def look_up_table(
             )
             for p in system.parameters
         ]
-        joined = [Parameter(a.reciprocal, *_ends(a, k)) for a, k in zip(axes, cell, strict=True) if a.reciprocal]
+        joined = [
+            Parameter(a.reciprocal, *_signal_ends(a, k, bounds.get(a.parameter)))
+            for a, k in zip(axes, cell, strict=True)
+            if a.reciprocal
+        ]
         plant = system.replace(parameters=[*inside, *joined])
         claims = [replace(c, level=(levels or {}).get(c.kind, _room(c, values))) for c in design.certificate.claims]
         proofs.append(certify_claims(plant, piece, claims))
@@ -190,6 +198,15 @@ def _require(design: Design, axes: Sequence[Axis], used: Sequence[str]) -> None:
     if design.argument_gain is not None or any(isinstance(c.storage, Polynomial) for c in design.certificate.claims):
         raise NotAccepted(
             "A table is proved with constant storages and one gain; this design has a moving storage or a second gain."
+        )
+    if inexact := [p.name for p in design.system.parameters if p.measured and not p.is_exact]:
+        raise NotAccepted(
+            f"{inexact} are read with an error, so a table may be read on another cell than the plant is on, and no cell can be proved by "
+            "itself. Export the observer with its polynomial gain (`export_c`)."
+        )
+    if design.system.scheduling_error is not None:
+        raise NotAccepted(
+            "The scheduling error of this plant is a map; export the observer with its polynomial gain (`export_c`)."
         )
     if not used:
         raise NotAccepted("The gain of this design is constant; it needs no table.")
@@ -225,6 +242,16 @@ def _stored(axis: Axis, kind: type) -> Axis:
 
 def _ends(axis: Axis, k: int) -> tuple[float, float]:
     return axis.points[k], axis.points[k + 1]
+
+
+def _signal_ends(axis: Axis, k: int, parameter: Parameter | None) -> tuple[float, float]:
+    """Where a signal is on a cell, its inverse inside the interval of the plant."""
+    low, high = _ends(axis, k)
+    if parameter is None:
+        return low, high
+    return max(low, float(np.nextafter(1 / parameter.upper, 0.0))), min(
+        high, float(np.nextafter(1 / parameter.lower, np.inf))
+    )
 
 
 def _box(axes: Sequence[Axis], cell: Sequence[int]) -> dict[str, tuple[float, float]]:
@@ -301,6 +328,6 @@ def _together(design: Design, proofs: Sequence[Certificate]) -> Certificate:
         merged.append(replace(kept, margin=margin, pieces=sum(p.pieces for p in found)))
     lines = [
         *design.certificate.assumptions,
-        f"The gain is read from a table by linear interpolation; each of its {len(proofs)} cells was proved.",
+        f"The gain is read from a table by linear interpolation; each of its {len(proofs)} cells in the box of the plant was proved.",
     ]
     return Certificate(tuple(merged), tuple(lines), sum(c.seconds for c in proofs))
