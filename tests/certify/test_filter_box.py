@@ -106,7 +106,7 @@ def test_what_has_no_filter_box_is_refused() -> None:
     box = claim([3.0])
     with pytest.raises(NotAccepted, match="discrete linear plant"):
         filter_box_verdict(SCALAR.replace(dt=None), HALF, box)
-    with pytest.raises(BadInput, match="a steady box needs both"):
+    with pytest.raises(BadInput, match="a steady box needs bounds"):
         filter_box_verdict(SCALAR.replace(noise_bound=None), HALF, box)
     scheduled = Polynomial.affine([[0.5]], p=[[0.1]])
     for gain in (scheduled, Polynomial.constant([[0.5, 0.5]])):

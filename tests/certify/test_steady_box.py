@@ -139,7 +139,7 @@ def test_plants_without_a_steady_box_are_refused() -> None:
     with pytest.raises(NotAccepted, match="constant matrices"):
         steady_box_verdict(scheduled, TENTH, box)
     for missing in ({"noise_bound": None}, {"disturbance_bound": None}):
-        with pytest.raises(BadInput, match="a steady box needs both"):
+        with pytest.raises(BadInput, match="a steady box needs bounds"):
             steady_box_verdict(SCALAR.replace(**missing), TENTH, box)
     with pytest.raises(BadInput, match="needs one for each"):
         steady_box_verdict(SCALAR, TENTH, claim([3.0, 3.0]))

@@ -161,4 +161,4 @@ def test_factors_come_in_the_size_of_their_rows() -> None:
 
 def test_a_plant_without_outputs_is_refused() -> None:
     with pytest.raises(BadInput, match="no outputs"):
-        require_decouplable(Switched.of(System.linear([[0.5]], C=np.zeros((0, 1)), dt=1.0)))
+        require_decouplable(Switched.of(System.linear([[0.5]], C=np.zeros((0, 1)), E=[[1.0]], dt=1.0)))

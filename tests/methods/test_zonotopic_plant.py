@@ -90,7 +90,7 @@ def test_plants_without_a_steady_box_are_refused() -> None:
     require_driven(PLANT)
     with pytest.raises(NotAccepted, match="discrete linear plant"):
         require_driven(PLANT.replace(dt=None))
-    with pytest.raises(BadInput, match="needs both"):
+    with pytest.raises(BadInput, match="needs bounds"):
         require_driven(PLANT.replace(noise_bound=None))
     hidden = System.build([[1.1, 0.0], [0.0, 0.5]], None, [[0.0, 1.0]], dt=1.0, noise_bound=[1.0])
     with pytest.raises((BadInput, NotAccepted), match="unobservable mode"):

@@ -164,8 +164,8 @@ def test_runs_in_float32_and_under_vmap() -> None:
     ("changes", "error", "message"),
     [
         ({"dt": None}, NotAccepted, "continuous"),
-        ({"noise_bound": None}, BadInput, "a guarantee needs both"),
-        ({"disturbance_bound": None}, BadInput, "a guarantee needs both"),
+        ({"noise_bound": None}, BadInput, "a guarantee needs bounds"),
+        ({"disturbance_bound": None}, BadInput, "a guarantee needs bounds"),
         ({"noise_bound": [0.0, 0.02]}, BadInput, "noise in every output"),
     ],
 )

@@ -174,7 +174,7 @@ def test_plants_and_gains_that_do_not_fit_are_refused() -> None:
     plant = three_speeds(200.0)
     with pytest.raises(BadInput, match="2 gains but"):
         ZonotopicLuenberger(plant, [[[0.1], [0.5]]] * 2, **OPTIONS)
-    with pytest.raises(BadInput, match="a guarantee needs both"):
+    with pytest.raises(BadInput, match="a guarantee needs bounds"):
         ZonotopicFilter([m.replace(disturbance_bound=None) for m in plant.modes], **OPTIONS)
     with pytest.raises(BadInput, match="noise in every output"):
         ZonotopicFilter([plant.modes[0], plant.modes[1].replace(G=[[0.0, 0.0]])], **OPTIONS)

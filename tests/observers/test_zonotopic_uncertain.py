@@ -243,7 +243,7 @@ def test_outputs_that_depend_on_what_nobody_knows_are_refused() -> None:
     read = Polynomial.affine(np.array([[1.0, 0.0]]), p=np.array([[0.0, 1.0]]))
     with pytest.raises(NotAccepted, match="`C` of `plant` depends on"):
         ZonotopicKalmanFilter(uncertain().replace(C=read), **OPTIONS)
-    with pytest.raises(BadInput, match="a guarantee needs both"):
+    with pytest.raises(BadInput, match="a guarantee needs bounds"):
         ZonotopicKalmanFilter(uncertain(disturbance_bound=None), **OPTIONS)
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from luenberger.export.build import compiler
@@ -140,7 +141,7 @@ def test_readme_commands_exist() -> None:
 
 def test_readme_example_of_a_nonlinear_plant_runs(capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {}
-    exec((ROOT / "README.md").read_text().split("```python\n")[2].split("```")[0], names)
+    exec(readme_block(3), names)
     assert "hull" in capsys.readouterr().out
     one, two, safe = (names[k].certificate for k in ("one", "two", "safe"))  # type: ignore[attr-defined]
     assert two.level("gain_bound") < one.level("gain_bound") / 5
@@ -152,22 +153,37 @@ def test_readme_examples_of_the_gust_and_of_the_export_run(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    for block in (3, 4):
-        exec((ROOT / "README.md").read_text().split("```python\n")[block].split("```")[0], names)
+    for block in (4, 5):
+        exec(readme_block(block), names)
     shown = capsys.readouterr().out
     assert shown.count("proved") == 4
     assert (tmp_path / "build/wind/wind.c").is_file()
     assert compiler() is None or "0 disagreements" in shown
 
 
-def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    readme = (ROOT / "README.md").read_text()
-    code = readme.split("```python\n")[1].split("```")[0]
+def test_readme_examples_of_a_design_and_its_replay_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(code, names)
+    for block in (1, 2):
+        exec(readme_block(block), names)
     assert (tmp_path / "robot.json").is_file()
     assert all(p.outcome.value == "proved" for p in names["design"].certificate.proofs)  # type: ignore[attr-defined]
+    assert "plotly" in (tmp_path / "link.html").read_text()
+    estimate, drive = names["found"]["ours"].x, names["drive"]  # type: ignore[index]
+    error = np.abs(np.asarray(estimate) - drive.table(["x1", "x2", "x3", "x4"]))  # type: ignore[attr-defined]
+    # Proved: a factor of exp(-1 t); five seconds leave less than a hundredth of the first error.
+    assert error[-1].max() < 0.01 * error[0].max()
+
+
+def readme_block(number: int) -> str:
+    """One Python example of the README, the first being 1."""
+    return (ROOT / "README.md").read_text().split("```python\n")[number].split("```")[0]
+
+
+def test_every_experiment_of_the_readme_ships() -> None:
+    named = set(re.findall(r"experiments/\w+\.toml", (ROOT / "README.md").read_text()))
+    assert len(named) >= 5
+    assert all((ROOT / name).is_file() for name in named)
 
 
 def test_nothing_names_this_machine() -> None:
