@@ -57,12 +57,12 @@ def shown(values: Any, unit: str) -> tuple[np.ndarray, str]:
 def estimate_figure(
     time: np.ndarray,
     truth: np.ndarray,
-    estimates: Mapping[str, np.ndarray],
+    estimates: Mapping[str, Any],
     *,
     name: str,
     unit: str,
     truth_name: str = "truth",
-    bounds: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+    bounds: Mapping[str, tuple[Any, Any]] | None = None,
     caption: str = "",
 ) -> Figure:
     """Return every estimate of one quantity over time against the truth, and below it the errors.
@@ -72,7 +72,7 @@ def estimate_figure(
     Args:
         time: sample times [s], shape (nt,).
         truth: what is to be estimated, in SI, shape (nt,).
-        estimates: entrant -> estimate in SI, shape (nt,).
+        estimates: entrant -> estimate in SI, an array of NumPy or JAX of shape (nt,).
         name: the quantity in words, e.g. "sideslip".
         unit: its SI unit; angles are shown in degrees.
         truth_name: what stands for the truth, e.g. "optical sensor".
