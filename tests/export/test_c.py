@@ -63,6 +63,16 @@ def test_computed_bounds_do_not_pass_for_rounded_ones(precision: str, share: str
     assert "outward" not in code(precision=precision).header
 
 
+def test_boxes_that_are_taken_for_granted_stand_in_numbers() -> None:
+    plant = System.linear([[0.9]], C=[[1.0]], E=[[1.0]], dt=0.1, disturbance_bound=[1.0], noise_bound=[0.1])
+    for never, told in ((None, False), ([np.inf], False), ([2.5], True)):
+        bounded = ZonotopicFilter(plant, initial_half_width=[0.25], state_bound=never)
+        header = c_code(Guarded.of(bounded, plant), "set").header
+        assert "within (0.25) of x0" in header
+        assert ("to stay within (2.5) of zero" in header) == told
+    assert "within" not in code().header.split("#ifndef")[0]
+
+
 def test_no_allocation_no_globals_and_gains_as_tables() -> None:
     source = code().source
     assert not re.search(r"malloc|calloc|static (?!const)|^\s*double \w+;", source, re.MULTILINE)

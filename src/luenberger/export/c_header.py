@@ -1,11 +1,15 @@
 """The header of exported code: structures, signals with units, what was proved of what, and what a step costs."""
 
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from luenberger.certify import Certificate
 from luenberger.export.guard import FLAGS, Guarded
 from luenberger.export.program import Leaf, Program
 from luenberger.export.rounding import UNITS
+from luenberger.observers import Observer
 
 
 def header(
@@ -38,6 +42,7 @@ def header(
         " * No allocation, no globals; the caller owns the state. Do not compile with -ffast-math.",
     ]
     sentences = [*_proved(certificate), *statements]
+    sentences += _boxes(guarded.observer)
     if any(leaf.path == "lower" for leaf in read.estimate):
         sentences.append(
             f"The bounds are computed in {precision} to nearest, not outward: they hold up to rounding, each operation's share being "
@@ -73,6 +78,21 @@ def header(
     )
     lines += ["", "#ifdef __cplusplus", "}", "#endif", "#endif"]
     return "\n".join(lines) + "\n"
+
+
+def _boxes(observer: Observer) -> list[str]:
+    """The boxes that a set takes for granted, in numbers; no output shows whether the first state was in its box."""
+    start, never = (getattr(observer, name, None) for name in ("initial_half_width", "state_bound"))
+    found = []
+    if start is not None:
+        found.append(f"The first state is taken to lie within {_numbers(start)} of x0, state by state.")
+    if never is not None and np.isfinite(never).any():
+        found.append(f"The state is taken to stay within {_numbers(never)} of zero, state by state.")
+    return found
+
+
+def _numbers(values: Any) -> str:
+    return "(" + ", ".join(f"{v:.6g}" for v in np.ravel(values)) + ")"
 
 
 def _proved(certificate: Certificate | None) -> list[str]:
