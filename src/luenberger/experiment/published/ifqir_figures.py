@@ -15,13 +15,11 @@ from luenberger.experiment.published.ifqir_drive import cars, choices, drive
 from luenberger.experiment.published.ifqir_estimates import point_estimates, printed_errors, runs
 from luenberger.experiment.published.ifqir_runs import VARIANTS, WORDS, enclosed, observer, variant_enclosure
 from luenberger.experiment.published.ifqir_storages import certified
-from luenberger.report.figures import Figure
+from luenberger.report.figures import Figure, dressed
 from luenberger.report.page import Page
 from luenberger.report.palette import COLOURS, TRUTH, faded
 from luenberger.report.tables import Table
 
-_FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
-_GRID = "#e6e8eb"
 PRINTED, CORRECTED, NARROW = "as printed", "corrected (c0)", "narrowest (c4)"
 _LOOKS = {PRINTED: COLOURS[1], CORRECTED: COLOURS[4], NARROW: COLOURS[0]}
 # The run that is shown: an adversary that pushes the error of the lateral speed up.
@@ -92,7 +90,7 @@ def width_figure(widths: dict[float, dict[str, float]]) -> Figure:
     plot.add_annotation(
         x=2 * STATE_BOUND[0], y=1.0, yref="paper", yanchor="bottom", text="assumed beforehand", showarrow=False, font={"color": "#59616b", "size": 12}
     )  # fmt: skip
-    _dress(plot, 400)
+    dressed(plot, 400)
     plot.update_xaxes(title_text="mean width of the bounds of the lateral speed [m/s]", range=[0, 1.95])
     plot.update_yaxes(autorange="reversed", showgrid=False, ticks="", automargin=True, ticksuffix="  ")
     plot.update_layout(barmode="group", bargap=0.28, hovermode="closest", dragmode=False)
@@ -116,7 +114,7 @@ def drive_figures() -> tuple[Figure, ...]:
         plot.update_yaxes(title_text=name, row=row)
     plot.update_yaxes(tickvals=[1, 2, 3], range=[0.7, 3.3], row=4)
     _curve(plot, road.time, road.local, "speed of the mode", COLOURS[1], 3, legend=False, shape="hv", dash="dot")
-    _dress(plot, 620)
+    dressed(plot, 620)
     plot.update_xaxes(title_text="time [s]", row=4)
     words = "Dotted: the speed that the model of each mode takes. The paper's own signals come without numbers."
     return (Figure("estimates", "Figs. 1 and 2: gust, steering, speed and switching law", plot, words),)
@@ -196,7 +194,7 @@ def _enclosure(title: str, words: str, time: np.ndarray, error: np.ndarray, band
         _curve(plot, time, factor * error[:, row - 1], "error", TRUTH, row, legend=row == 1, width=1.2)
         for name, (lower, upper) in bands.items():
             _edges(plot, time, (factor * lower[:, row - 1], factor * upper[:, row - 1]), name, row, legend=row == 1)
-    _dress(plot, 560)
+    dressed(plot, 560)
     plot.update_yaxes(title_text="e1, lateral speed [m/s]", row=1)
     plot.update_yaxes(title_text="e2, yaw rate [deg/s]", row=2)
     plot.update_xaxes(title_text="time [s]", row=2)
@@ -204,7 +202,7 @@ def _enclosure(title: str, words: str, time: np.ndarray, error: np.ndarray, band
 
 
 def _named(plot: go.Figure, height: int) -> None:
-    _dress(plot, height)
+    dressed(plot, height)
     plot.update_yaxes(title_text="lateral speed [m/s]", row=1)
     plot.update_yaxes(title_text="yaw rate [deg/s]", row=2)
     plot.update_xaxes(title_text="time [s]", row=2)
@@ -238,20 +236,3 @@ def _edges(plot: go.Figure, time: np.ndarray, band: Band, name: str, row: int, *
     dash, width = ("dash", 2.2) if name == PRINTED else ("solid", 1.4)
     for k, values in enumerate(band):
         _curve(plot, time, values, name, _LOOKS[name], row, legend=legend and k == 0, dash=dash, width=width)
-
-
-def _dress(plot: go.Figure, height: int) -> None:
-    plot.update_layout(
-        template="none",
-        height=height,
-        font={"family": _FONT, "size": 13, "color": "#30343a"},
-        paper_bgcolor="white",
-        plot_bgcolor="white",
-        margin={"l": 64, "r": 16, "t": 30, "b": 48},
-        hovermode="x unified",
-        legend={"orientation": "h", "x": 0, "y": -70 / (height - 100), "yanchor": "top", "font": {"size": 13}},
-    )
-    plot.update_xaxes(
-        gridcolor=_GRID, zeroline=False, linecolor="#b6bbc2", ticks="outside", tickcolor="#b6bbc2", automargin=True
-    )
-    plot.update_yaxes(gridcolor=_GRID, zeroline=True, zerolinecolor="#c9cdd2", zerolinewidth=1, automargin=True)
