@@ -93,7 +93,9 @@ def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:
         read_columns(written(tmp_path, "t\n0\n", "log.mat"), ["t"])
 
 
-@pytest.mark.parametrize("content", [b"no gzip at all", gzip.compress(b"t,a\n0,1\n" * 500)[:30]])
+@pytest.mark.parametrize(
+    "content", [b"no gzip at all", gzip.compress(b"t,a\n0,1\n" * 500, mtime=0)[:30]], ids=["not gzip", "cut short"]
+)
 def test_a_damaged_gzip_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "log.csv.gz"
     path.write_bytes(content)
