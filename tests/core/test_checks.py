@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array, known_keys, matrix, nearest
+from luenberger.core.checks import finite_array, known_keys, matrix, nearest, symmetric_matrix
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -43,6 +43,15 @@ def test_a_number_is_a_one_by_one_matrix() -> None:
     assert matrix("C", 3.0, 1, 1).tolist() == [[3.0]]
     with pytest.raises(BadInput, match="needs shape"):
         matrix("C", 3.0, rows=2)
+
+
+def test_symmetric_means_to_the_last_digit() -> None:
+    assert symmetric_matrix("P", 2.0).tolist() == [[2.0]]
+    assert symmetric_matrix("P", [[1, 2], [2, 1]]).tolist() == [[1.0, 2.0], [2.0, 1.0]]
+    with pytest.raises(BadInput, match="`P` is not symmetric; give"):
+        symmetric_matrix("P", [[1.0, 2.0], [np.nextafter(2.0, 3.0), 1.0]])
+    with pytest.raises(BadInput, match="a symmetric matrix is square; `P` needs shape"):
+        symmetric_matrix("P", [[1.0, 2.0]])
 
 
 def test_nearest_guesses_or_lists() -> None:

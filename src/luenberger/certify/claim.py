@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from luenberger.certify.rational_text import (
     to_text,
 )
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array, known_keys, matrix
+from luenberger.core.checks import known_keys, symmetric_matrix
 
 Kind = Literal[
     "decay",
@@ -105,9 +106,9 @@ class Claim:
         if self.storage is None:
             raise BadInput(f"The claim `{self.kind}` has no storage matrix; nothing could check it.")
         if isinstance(self.storage, Polynomial):
-            object.__setattr__(self, "storage", self.storage.map(_symmetric))
+            object.__setattr__(self, "storage", self.storage.map(partial(symmetric_matrix, "storage")))
         else:
-            object.__setattr__(self, "storage", _symmetric(self.storage))
+            object.__setattr__(self, "storage", symmetric_matrix("storage", self.storage))
         if self.kind in ("l2_gain", "h2_gain", "width_gain") and self.weight is None:
             raise BadInput(f"The claim `{self.kind}` needs `weight`, what of the error it is about.")
         if self.kind in ("l2_gain", "h2_gain"):
@@ -202,14 +203,6 @@ _enclosures = {
     "width": "Once below the stated widths the enclosure stays below them; the largest is {level:.6g}.",
     "containment": "The true state never leaves the enclosure while the stated bounds hold and it starts inside.",
 }
-
-
-def _symmetric(P: Any) -> np.ndarray:
-    given = finite_array("storage", P)
-    square = matrix("storage", given, given.shape[0], given.shape[0], "a storage matrix is square")
-    if not np.array_equal(square, square.T):
-        raise BadInput("The storage matrix is not symmetric; store (P + P.T) / 2.")
-    return square
 
 
 def _storage_text(storage: Any) -> Any:

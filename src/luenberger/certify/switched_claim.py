@@ -8,7 +8,7 @@ import numpy as np
 
 from luenberger.certify.rational_text import from_text, matrix_from_text, matrix_text, to_text
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array, matrix
+from luenberger.core.checks import symmetric_matrix
 
 SwitchedKind = Literal["decoupling", "gain_bound", "iss", "containment"]
 _CHANNELS = {
@@ -76,7 +76,7 @@ class SwitchedClaim:
             raise BadInput("An ISS claim has no storages; nothing could check it.")
         if unknown := [c for c in self.inputs.split("+") if c not in _CHANNELS]:
             raise BadInput(f"An ISS claim speaks of the inputs {unknown}; known are {list(_CHANNELS)}.")
-        object.__setattr__(self, "storages", tuple(_symmetric(Q) for Q in self.storages))
+        object.__setattr__(self, "storages", tuple(symmetric_matrix("storages", Q) for Q in self.storages))
 
     def sentence(self, discrete: bool = True) -> str:
         """The claim in words.
@@ -137,14 +137,6 @@ class SwitchedClaim:
             order=data.get("order", "next"),
             **rows,
         )
-
-
-def _symmetric(Q: Any) -> np.ndarray:
-    given = finite_array("storage", Q)
-    square = matrix("storage", given, given.shape[0], given.shape[0], "a storage matrix is square")
-    if not np.array_equal(square, square.T):
-        raise BadInput("A storage matrix is not symmetric; store (Q + Q.T) / 2.")
-    return square
 
 
 def _numbers(vector: Any) -> str:

@@ -85,3 +85,20 @@ def known_keys(where: str, given: Iterable[str], known: Sequence[str]) -> None:
     for key in given:
         if key not in known:
             raise BadInput(f"{where} has the unknown key `{key}`.{nearest(key, known)}")
+
+
+def symmetric_matrix(name: str, value: object) -> np.ndarray:
+    """Return `value` as a finite symmetric float64 matrix, shape (n, n).
+
+    Args:
+        name: how the argument is called in the message.
+        value: nested numbers.
+
+    Raises:
+        BadInput: not square, or not symmetric to the last digit.
+    """
+    given = matrix(name, value)
+    square = matrix(name, given, len(given), len(given), "a symmetric matrix is square")
+    if not np.array_equal(square, square.T):
+        raise BadInput(f"`{name}` is not symmetric; give (S + S.T) / 2 in its place.")
+    return square

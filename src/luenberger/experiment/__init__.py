@@ -2,7 +2,7 @@
 
 from luenberger.experiment.gust import run_gust
 from luenberger.experiment.gust_specification import GustSpecification, read_gust
-from luenberger.experiment.results import Report
+from luenberger.experiment.outcome import Report
 from luenberger.experiment.run import Result, run_experiment
 from luenberger.experiment.specification import Specification, read_specification
 

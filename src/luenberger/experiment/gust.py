@@ -15,7 +15,7 @@ from luenberger.experiment.gust_double_track import double_track_study
 from luenberger.experiment.gust_specification import GustSpecification, read_gust
 from luenberger.experiment.gust_study import Study
 from luenberger.experiment.gust_switched import switched_study
-from luenberger.experiment.results import Report
+from luenberger.experiment.outcome import Report
 from luenberger.report.citations import citations
 from luenberger.report.page import Page
 

@@ -5,7 +5,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +14,7 @@ from luenberger.core import Signal, Trajectory
 from luenberger.design import Design
 from luenberger.experiment.entrant import Entrant
 from luenberger.experiment.entrants import kind_of
+from luenberger.experiment.outcome import Report
 from luenberger.experiment.specification import Specification
 from luenberger.experiment.tuning import Tuned
 from luenberger.export import sampled_step
@@ -28,37 +28,6 @@ from luenberger.systems.jacobian_box import error_box
 from luenberger.vehicle import VehicleParameters
 
 Bounds = Mapping[str, tuple[np.ndarray, np.ndarray]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """What every experiment leaves behind.
-
-    Args:
-        title: headline.
-        summary: what stands where, in plain sentences.
-        table: scores, one row an entrant.
-        page: the HTML page.
-        files: everything written, the page included.
-        watched: further tables, e.g. how the bounds did, what was assumed and how long it held.
-    """
-
-    title: str
-    summary: str
-    table: Table
-    page: Path
-    files: tuple[Path, ...]
-    watched: Sequence[Table] = ()
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain data: title, summary, table and files."""
-        return {
-            "title": self.title,
-            "summary": self.summary,
-            "table": self.table.as_json(),
-            "assumptions": [table.as_json() for table in self.watched],
-            "files": [str(f) for f in self.files],
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
