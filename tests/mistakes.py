@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from luenberger import Polynomial, Signal, System, Trajectory
+from luenberger.certify import Claim, SwitchedClaim
 from luenberger.core import BadInput, Infeasible, LuenbergerError, NotAccepted
 from luenberger.design import Design, SwitchedDesign
 from luenberger.export import look_up_table
@@ -94,6 +95,27 @@ MISTAKES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
         lambda: look_up_table(scheduled(), []),
         BadInput,
         r"an axis is missing for speed in \[1, 2\].*--axis speed:1,...,2",
+    ),
+    "a claim of no kind": (
+        lambda: Claim.from_text(Claim("decay", 1.0, np.eye(2)).as_text() | {"kind": ["decay"]}),
+        BadInput,
+        r"`kind` of a `Claim` is \['decay'\]; one of 'decay', ",
+    ),
+    "a claim about another signal": (
+        lambda: Claim("decay", 1.0, np.eye(2), form="x"),  # type: ignore[arg-type]
+        BadInput,
+        "`form` of a `Claim` is 'x'; one of 'plant', 'estimate' is needed",
+    ),
+    # Its sentence would be that of an ISS bound, with nothing behind it.
+    "a claim that nothing checks": (
+        lambda: SwitchedClaim("stable", 1e-3),  # type: ignore[arg-type]
+        BadInput,
+        "`kind` of a `SwitchedClaim` is 'stable'; one of 'decoupling', ",
+    ),
+    "a claim about no order of modes": (
+        lambda: SwitchedClaim("containment", 1e-16, order="first"),  # type: ignore[arg-type]
+        BadInput,
+        "`order` of a `SwitchedClaim` is 'first'; one of 'next', 'last' is needed",
     ),
     "a folder that is not there": (
         lambda: windy().save("/nowhere/at/all.json"),

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -64,6 +65,29 @@ def test_damaged_file_is_named(tmp_path: Path, text: str, message: str) -> None:
     path.write_text(text)
     with pytest.raises(BadInput, match=message):
         Design.load(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("system", "matrices"), None),
+        (("system", "parameters"), [{"interval": []}]),
+        (("certificate", "proofs", 0, "claim"), None),
+        (("certificate", "proofs", 0, "claim", "vector"), []),
+        (("certificate", "proofs", 0, "outcome"), "true"),
+        (("gain", "terms", 0, "exponents"), [0.5]),
+        (("gain", "shape"), 4),
+    ],
+)
+def test_damage_anywhere_is_told_as_damage(tmp_path: Path, saved: Path, place: tuple[Any, ...], value: object) -> None:
+    data = json.loads(saved.read_text())
+    inner = data
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    (tmp_path / "damaged.json").write_text(json.dumps(data))
+    with pytest.raises(BadInput, match="is damaged"):
+        Design.load(tmp_path / "damaged.json")
 
 
 def test_missing_file_and_missing_part(tmp_path: Path, saved: Path) -> None:

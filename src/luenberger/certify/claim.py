@@ -17,7 +17,8 @@ from luenberger.certify.rational_text import (
     to_text,
 )
 from luenberger.core import BadInput
-from luenberger.core.checks import known_keys, symmetric_matrix
+from luenberger.core.checks import known_keys, known_words, symmetric_matrix
+from luenberger.systems.error_system import Form
 
 Kind = Literal[
     "decay",
@@ -75,7 +76,7 @@ class Claim:
             domain claim the distance that the state keeps from the faces of the domain, shape (nx,).
 
     Raises:
-        BadInput: negative or non-finite level, missing witness.
+        BadInput: unknown kind or form, negative or non-finite level, missing witness.
     """
 
     kind: Kind
@@ -84,13 +85,14 @@ class Claim:
     multiplier: float | None = None
     weight: np.ndarray | None = None
     inputs: str = ""
-    form: Literal["plant", "estimate"] = "plant"
+    form: Form = "plant"
     trace: np.ndarray | None = None
     transform: np.ndarray | None = None
     vector: np.ndarray | None = None
     state_bound: np.ndarray | None = None
 
     def __post_init__(self) -> None:
+        known_words(self, kind=Kind, form=Form)
         if not (math.isfinite(self.level) and self.level >= 0):
             raise BadInput(f"The claim `{self.kind}` has level {self.level}; a finite level >= 0 is needed.")
         if self.kind in ("gain_bound", "argument_gain_bound", "cooperative", "containment"):
@@ -114,6 +116,8 @@ class Claim:
         if self.kind in ("l2_gain", "h2_gain"):
             asked = ("disturbance+noise" if self.inputs == "both" else self.inputs).split("+")
             known_keys("`inputs` of a gain claim", asked, list(_inputs))
+        if self.kind == "width_gain":
+            known_keys("`inputs` of a width gain", [self.inputs], _WIDTH_INPUTS)
         if self.kind == "h2_gain" and self.trace is None:
             raise BadInput("An H2 claim needs its witness `trace`, Z with [P, W'; W, Z] > 0; nothing could check it.")
 
@@ -191,6 +195,7 @@ class Claim:
 
 
 _MATRICES = ("weight", "trace", "transform", "vector", "state_bound")
+_WIDTH_INPUTS = ("residual", "residual+noise", "mismatch", "mismatch+noise")
 _inputs = {
     "disturbance": "disturbance",
     "noise": "noise",

@@ -1,6 +1,7 @@
 """Numbers of a certificate as text: every double is written as the rational it is exactly."""
 
 import math
+import operator
 from typing import Any
 
 import numpy as np
@@ -69,9 +70,16 @@ def polynomial_from_text(data: dict[str, Any]) -> Polynomial:
 
     Args:
         data: names, shape and terms.
+
+    Raises:
+        BadInput: coefficients that are not written as rationals.
+        TypeError: exponents that are no whole numbers.
     """
     shape = tuple(data["shape"])
     return Polynomial(
         data["names"],
-        {tuple(t["exponents"]): matrix_from_text(t["coefficient"]).reshape(shape) for t in data["terms"]},
+        {
+            tuple(map(operator.index, t["exponents"])): matrix_from_text(t["coefficient"]).reshape(shape)
+            for t in data["terms"]
+        },
     )

@@ -8,9 +8,10 @@ import numpy as np
 
 from luenberger.certify.rational_text import from_text, matrix_from_text, matrix_text, to_text
 from luenberger.core import BadInput
-from luenberger.core.checks import symmetric_matrix
+from luenberger.core.checks import known_words, symmetric_matrix
 
 SwitchedKind = Literal["decoupling", "gain_bound", "iss", "containment"]
+Order = Literal["next", "last"]
 _CHANNELS = {
     "lumped": "what is added to the error",
     "uncertainty": "uncertain factors",
@@ -46,7 +47,7 @@ class SwitchedClaim:
         state_bound: |x_k| <= bound that `vector` assumes, shape (nx,).
 
     Raises:
-        BadInput: numbers out of range, or a missing witness.
+        BadInput: unknown kind or order, numbers out of range, or a missing witness.
     """
 
     kind: SwitchedKind
@@ -58,9 +59,10 @@ class SwitchedClaim:
     inputs: str = "lumped"
     vector: np.ndarray | None = None
     state_bound: np.ndarray | None = None
-    order: Literal["next", "last"] = "next"
+    order: Order = "next"
 
     def __post_init__(self) -> None:
+        known_words(self, kind=SwitchedKind, order=Order)
         if not (math.isfinite(self.level) and self.level >= 0):
             raise BadInput(f"The claim `{self.kind}` has level {self.level}; a finite level >= 0 is needed.")
         if self.kind != "iss":

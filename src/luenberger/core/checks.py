@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Iterable, Sequence
+from typing import Any, get_args
 
 import numpy as np
 
@@ -102,3 +103,21 @@ def symmetric_matrix(name: str, value: object) -> np.ndarray:
     if not np.array_equal(square, square.T):
         raise BadInput(f"`{name}` is not symmetric; give (S + S.T) / 2 in its place.")
     return square
+
+
+def known_words(owner: object, **words: Any) -> None:
+    """Refuse an attribute that is none of the words of its type.
+
+    Args:
+        owner: what has the attributes.
+        words: attribute -> `Literal` type.
+
+    Raises:
+        BadInput: another word, or no word.
+    """
+    for name, known in words.items():
+        given, choices = getattr(owner, name), get_args(known)
+        if given not in choices:
+            raise BadInput(
+                f"`{name}` of a `{type(owner).__name__}` is {given!r}; one of {', '.join(map(repr, choices))} is needed."
+            )

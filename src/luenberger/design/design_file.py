@@ -59,7 +59,7 @@ def built_from(
     known_keys(f"`{path}`", data, [*keys, *later])
     try:
         return build(data)
-    except (KeyError, TypeError, ValueError) as cause:
+    except (AttributeError, LookupError, TypeError, ValueError) as cause:
         if isinstance(cause, BadInput):
             raise
         raise BadInput(
