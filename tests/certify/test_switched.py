@@ -8,7 +8,7 @@ import pytest
 from luenberger.algebra import Polynomial
 from luenberger.certify import SwitchedClaim, certify_switched_claims
 from luenberger.certify.switched import prove_switched
-from luenberger.core import BadInput, Outcome
+from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.systems import Parameter, Switched, System
 from switched_plants import COUPLING, H, K, constant, mode, plant
 
@@ -213,3 +213,9 @@ def test_one_gain_a_mode_is_needed() -> None:
         certify_switched_claims(plant(0.6, 0.3), constant([K]), constant([H]), [])
     with pytest.raises(BadInput, match="has none; give it one"):
         proved(Switched.of(mode(0.6)), stability(9.0, 9.0, inputs="noise+next noise"))
+
+
+def test_a_plant_without_steps_has_no_claims_about_them() -> None:
+    continuous = Switched.of(plant(0.6).first.replace(dt=None, noise_bound=None))
+    with pytest.raises(NotAccepted, match="is continuous; these claims are about steps"):
+        certify_switched_claims(continuous, constant([K]), constant([H]), [SwitchedClaim("gain_bound", 10.0)])

@@ -90,6 +90,22 @@ def test_damage_anywhere_is_told_as_damage(tmp_path: Path, saved: Path, place: t
         Design.load(tmp_path / "damaged.json")
 
 
+@pytest.mark.parametrize(
+    ("bound", "value"),
+    [("domain", [["0"], ["1"]]), ("lipschitz", None), ("lipschitz", "-1"), ("jacobian_lower", [["0"] * 9])],
+)
+def test_bounds_of_a_function_are_checked_like_those_of_users(
+    tmp_path: Path, saved: Path, bound: str, value: object
+) -> None:
+    data = json.loads(saved.read_text())
+    data["system"]["nonlinearity"][bound] = value
+    if bound == "jacobian_lower":
+        data["system"]["nonlinearity"]["jacobian_upper"] = value
+    (tmp_path / "damaged.json").write_text(json.dumps(data))
+    with pytest.raises(BadInput, match=bound.replace("_", " ").split(" lower")[0]):
+        Design.load(tmp_path / "damaged.json")
+
+
 def test_missing_file_and_missing_part(tmp_path: Path, saved: Path) -> None:
     with pytest.raises(BadInput, match="cannot be read"):
         Design.load(tmp_path / "nowhere.json")

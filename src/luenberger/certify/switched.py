@@ -28,7 +28,7 @@ from luenberger.certify.continuum import Verdict, negative_definite
 from luenberger.certify.inequality import claim_verdict, exact_lift
 from luenberger.certify.switched_box import containment_verdict, leaks
 from luenberger.certify.switched_claim import SwitchedClaim
-from luenberger.core import BadInput, Outcome
+from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.systems import Parameter, Switched, System
 from luenberger.systems.decoupled_error import DecoupledError
 from luenberger.systems.uncertainty import Uncertain
@@ -54,12 +54,14 @@ def certify_switched_claims(
 
     Raises:
         BadInput: not one gain for each mode.
-        NotAccepted: a plant without such an error, see `DecoupledError.of`.
+        NotAccepted: a continuous plant, or one without such an error, see `DecoupledError.of`.
     """
     if not len(gains) == len(decoupling) == len(system.modes):
         raise BadInput(
             f"`{system.name}` has {len(system.modes)} modes; {len(gains)} gains and {len(decoupling)} decoupling matrices are given."
         )
+    if system.first.dt is None:
+        raise NotAccepted(f"`{system.name}` is continuous; these claims are about steps. Give the plant its `dt`.")
     start = time.perf_counter()
     proofs: list[Proof] = []
     for k, claim in enumerate(claims):

@@ -1,5 +1,6 @@
 """A plant as plain data for JSON, and back; numbers are rationals as strings, the nonlinear function stays code."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -163,9 +164,6 @@ def _nonlinearity_as_text(f: Nonlinearity) -> dict[str, Any]:
 
 
 def _nonlinearity_from_text(data: dict[str, Any], function: Any) -> Nonlinearity:
-    def optional(rows: Any) -> Any:
-        return None if rows is None else matrix_from_text(rows)
-
     def absent(z: Any, u: Any) -> Any:
         raise BadInput(
             f"The design was loaded without its nonlinear function `{data['function']}`; give it back to run an observer: "
@@ -173,17 +171,15 @@ def _nonlinearity_from_text(data: dict[str, Any], function: Any) -> Nonlinearity
         )
 
     domain, vertices = data["domain"], data.get("jacobian_vertices")
-    return Nonlinearity(
-        function=absent if function is None else function,
-        H=matrix_from_text(data["H"]),
+    # A hull comes with its box.
+    lower = None if vertices is not None else data["jacobian_lower"]
+    found = Nonlinearity.bounded(
+        absent if function is None else function,
+        matrix_from_text(data["H"]),
         size=data["size"],
-        jacobian_lower=optional(data["jacobian_lower"]),
-        jacobian_upper=optional(data["jacobian_upper"]),
+        jacobian=None if lower is None else (matrix_from_text(lower), matrix_from_text(data["jacobian_upper"])),
         lipschitz=None if data["lipschitz"] is None else from_text(data["lipschitz"]),
-        domain=None
-        if domain is None
-        else (np.array([from_text(x) for x in domain[0]]), np.array([from_text(x) for x in domain[1]])),
-        bound_status=data["bound_status"],
-        jacobian_vertices=None if vertices is None else np.array([matrix_from_text(J) for J in vertices]),
-        is_clipped=bool(data.get("is_clipped", False)),
+        domain=None if domain is None else (matrix_from_text([domain[0]])[0], matrix_from_text([domain[1]])[0]),
+        hull=None if vertices is None else np.array([matrix_from_text(J) for J in vertices]),
     )
+    return replace(found, bound_status=data["bound_status"], is_clipped=bool(data.get("is_clipped", False)))
