@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from luenberger.certify import Certificate
+from luenberger.export.c_text import in_comment
 from luenberger.export.guard import FLAGS, Guarded
 from luenberger.export.program import Leaf, Program
 from luenberger.export.rounding import UNITS
@@ -48,7 +49,7 @@ def header(
             f"The bounds are computed in {precision} to nearest, not outward: they hold up to rounding, each operation's share being "
             f"{UNITS[precision][0]:.1e} of the largest value in it."
         )
-    lines += [f" * {_clean(sentence)}" for sentence in sentences]
+    lines += [f" * {in_comment(sentence)}" for sentence in sentences]
     lines += [
         " */",
         f"#ifndef {name.upper()}_H",
@@ -119,8 +120,4 @@ def _shape(leaf: Leaf) -> str:
 
 def _unit(units: object, name: str) -> str:
     unit = dict(units).get(name, "")  # type: ignore[call-overload]
-    return f" [{unit}]" if unit else ""
-
-
-def _clean(sentence: str) -> str:
-    return sentence.replace("*/", "* /")
+    return f" [{in_comment(unit)}]" if unit else ""

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from luenberger.core import BadInput
-from luenberger.export.c_text import CText
-from luenberger.export.signals import NAME
+from luenberger.export.c_text import CText, in_comment
+from luenberger.export.signals import NAME, Signals
 from luenberger.export.tables import GainTable
 
 
@@ -18,21 +18,26 @@ def table_header(table: GainTable, name: str) -> str:
         name: prefix, a C identifier.
 
     Raises:
-        BadInput: a name that is no C identifier.
+        BadInput: a name or a signal that is no C identifier, or a signal that is called like a symbol of the header.
     """
     if not NAME.match(name):
         raise BadInput(f"`name` is `{name}`; a C identifier is needed, since it is the prefix of every symbol.")
+    signals = Signals((), scheduling=tuple(axis.name for axis in table.axes))
+    if own := [s for s in signals.scheduling if s.startswith(f"{name}_")]:
+        raise BadInput(
+            f"The signal `{own[0]}` begins like the symbols of the header; give another `name` than `{name}`."
+        )
     real = table.precision
     nx, ny = table.values.shape[-2:]
     system = table.design.system
     sizes = [len(axis.points) for axis in table.axes]
     lines = [
-        f"/* {name}: gain table of `{system.name}`, {' x '.join(map(str, sizes))} points, {real}.",
+        f"/* {name}: gain table of `{in_comment(system.name)}`, {' x '.join(map(str, sizes))} points, {real}.",
         " *",
         f" * L has {nx} rows (states {', '.join(system.states)}) and {ny} columns (outputs {', '.join(system.outputs)}), row by row.",
         f" * The interpolated gain differs from that of the design by at most {table.error:.6g} in any entry.",
         " * Proved of the interpolated gain, on every cell:",
-        *(f" *   {p.outcome.value}: {p.sentence}" for p in table.certificate.proofs),
+        *(f" *   {p.outcome.value}: {in_comment(p.sentence)}" for p in table.certificate.proofs),
         *(
             []
             if system.dt is not None
@@ -41,7 +46,7 @@ def table_header(table: GainTable, name: str) -> str:
             ]
         ),
         " * This rests on:",
-        *(f" *   {line}" for line in table.certificate.assumptions),
+        *(f" *   {in_comment(line)}" for line in table.certificate.assumptions),
         " */",
         f"#ifndef {name.upper()}_H",
         f"#define {name.upper()}_H",
@@ -49,7 +54,7 @@ def table_header(table: GainTable, name: str) -> str:
     ]
     for k, axis in enumerate(table.axes):
         unit = "" if axis.reciprocal else system.units.get(axis.parameter, "")
-        lines.append(f"/* {axis.name}{f' [{unit}]' if unit else ''} */")
+        lines.append(f"/* {axis.name}{f' [{in_comment(unit)}]' if unit else ''} */")
         lines.append(f"static const {real} {name}_axis{k}[{sizes[k]}] = {{{_row(real, axis.points)}}};")
     # What is a float in the table is a float here.
     lines.append(f"static const {real} {name}_entries[{table.values.size}] = {{")
@@ -63,39 +68,54 @@ def _function(table: GainTable, name: str, sizes: Sequence[int], entries: int) -
     real, text = table.precision, CText(table.precision)
     zero, one = text.constant(0.0), text.constant(1.0)
     count = len(sizes)
-    arguments = ", ".join(f"{real} {axis.name}" for axis in table.axes)
+    # Two axes may be read by one signal, speed and its inverse for example.
+    signals = list(dict.fromkeys(axis.name for axis in table.axes))
+    L, cell, share, corner, weight, point, k = _distinct(
+        ("L", "cell", "share", "corner", "weight", "point", "k"), signals
+    )
+    arguments = ", ".join(f"{real} {signal}" for signal in signals)
     lines = [
-        f"/* Fill L[{entries}] at the given signals; what lies outside the grid is held at its edge. */",
-        f"static inline void {name}_gain({arguments}, {real} *L)",
+        f"/* Fill {L}[{entries}] at the given signals; what lies outside the grid is held at its edge. */",
+        f"static inline void {name}_gain({arguments}, {real} *{L})",
         "{",
-        f"    {real} share[{count}];",
-        f"    int cell[{count}], corner, k;",
+        f"    {real} {share}[{count}];",
+        f"    int {cell}[{count}], {corner}, {k};",
     ]
-    for k, axis in enumerate(table.axes):
-        n, grid = sizes[k], f"{name}_axis{k}"
+    for a, axis in enumerate(table.axes):
+        n, grid, c, s = sizes[a], f"{name}_axis{a}", f"{cell}[{a}]", f"{share}[{a}]"
         lines += [
-            f"    for (cell[{k}] = 0; cell[{k}] < {n - 2} && {axis.name} >= {grid}[cell[{k}] + 1]; ++cell[{k}]) {{",
+            f"    for ({c} = 0; {c} < {n - 2} && {axis.name} >= {grid}[{c} + 1]; ++{c}) {{",
             "    }",
-            f"    share[{k}] = ({axis.name} - {grid}[cell[{k}]]) / ({grid}[cell[{k}] + 1] - {grid}[cell[{k}]]);",
-            f"    share[{k}] = share[{k}] > {zero} ? (share[{k}] < {one} ? share[{k}] : {one}) : {zero};",
+            f"    {s} = ({axis.name} - {grid}[{c}]) / ({grid}[{c} + 1] - {grid}[{c}]);",
+            f"    {s} = {s} > {zero} ? ({s} < {one} ? {s} : {one}) : {zero};",
         ]
-    strides = [int(np.prod(sizes[k + 1 :], dtype=int)) for k in range(count)]
-    place = " + ".join(f"(cell[{k}] + ((corner >> {k}) & 1)) * {strides[k]}" for k in range(count))
-    weight = " * ".join(f"(((corner >> {k}) & 1) ? share[{k}] : {one} - share[{k}])" for k in range(count))
+    strides = [int(np.prod(sizes[a + 1 :], dtype=int)) for a in range(count)]
+    place = " + ".join(f"({cell}[{a}] + (({corner} >> {a}) & 1)) * {strides[a]}" for a in range(count))
+    product = " * ".join(f"((({corner} >> {a}) & 1) ? {share}[{a}] : {one} - {share}[{a}])" for a in range(count))
     lines += [
-        f"    for (k = 0; k < {entries}; ++k) {{",
-        f"        L[k] = {zero};",
+        f"    for ({k} = 0; {k} < {entries}; ++{k}) {{",
+        f"        {L}[{k}] = {zero};",
         "    }",
-        f"    for (corner = 0; corner < {2**count}; ++corner) {{",
-        f"        const {real} weight = {weight};",
-        f"        const {real} *point = {name}_entries + ({place}) * {entries};",
-        f"        for (k = 0; k < {entries}; ++k) {{",
-        "            L[k] += weight * point[k];",
+        f"    for ({corner} = 0; {corner} < {2**count}; ++{corner}) {{",
+        f"        const {real} {weight} = {product};",
+        f"        const {real} *{point} = {name}_entries + ({place}) * {entries};",
+        f"        for ({k} = 0; {k} < {entries}; ++{k}) {{",
+        f"            {L}[{k}] += {weight} * {point}[{k}];",
         "        }",
         "    }",
         "}",
     ]
     return lines
+
+
+def _distinct(words: Sequence[str], taken: Sequence[str]) -> list[str]:
+    """The words, with `_` behind those that a signal is called."""
+    found: list[str] = []
+    for word in words:
+        while word in taken:
+            word += "_"
+        found.append(word)
+    return found
 
 
 def _row(real: str, values: Sequence[float] | np.ndarray) -> str:

@@ -146,3 +146,12 @@ class CText:
                 base = self.line(f"{base} * {base}")
         total = total or self.constant(1.0)
         return total if exponent >= 0 else self.line(f"{self.constant(1.0)} / {total}")
+
+
+def in_comment(text: str) -> str:
+    """Return text that neither ends a C comment nor begins one inside, on one line.
+
+    Args:
+        text: what users wrote: names, units.
+    """
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").splitlines())
