@@ -133,6 +133,12 @@ def test_resample_refuses_a_step_longer_than_the_log() -> None:
         drive().resample(1.0)
 
 
+@pytest.mark.parametrize("dt", [1e-12, 1e-320])
+def test_resample_refuses_what_no_memory_holds(dt: float) -> None:
+    with pytest.raises(BadInput, match=r"more than 100000000 steps of dt = .* take a coarser one"):
+        drive().resample(dt)
+
+
 def test_resample_does_not_invent_a_value_for_a_missing_sample() -> None:
     gap = Trajectory(np.array([0.0, 1.0, 2.0]), [Signal("speed", "m/s", np.array([1.0, np.nan, 3.0]))])
     assert np.isnan(gap.resample(0.5)["speed"].values[1:4]).all()

@@ -76,6 +76,7 @@ def test_unknown_kind_and_option_are_refused_before_anything_runs(tmp_path: Path
         ("decay_rate = 40.0", "decay_rat = 40.0", "unknown key `decay_rat`.*`decay_rate`"),
         ("decay_rate = 40.0", "decay_rate = -40.0", "decay_rate.*-40"),
         ('parameters = "carmaker_car"', 'parameters = "carmaker"', "carmaker_car"),
+        ("skip = 1", "skip = 1e9 #", "`skip` is 1e[+]09 s but only .* s are scored; leave some"),
     ):
         path = tmp_path / "changed.toml"
         path.write_text(text.replace(old, new))

@@ -70,6 +70,21 @@ def test_everything_is_read(tmp_path: Path) -> None:
         ("yaw_rate = 0.01", "yaw_rate = -0.01", "sensors.yaw_rate"),
         ("[domain]", "[domain", "is not TOML"),
         ('[vehicle]\nparameters = "carmaker_car"', "", "has no `vehicle`"),
+        ('title = "T"', 'notes = "one"', "`notes` of `experiment.toml` is 'one'; a list of texts"),
+        ('title = "T"', "notes = [1]", r"is \[1\]; a list of texts"),
+        ("sample_time = 0.02", "sample_time = inf", "`sample_time` is inf"),
+        ("sample_time = 0.02", "sample_time = true", "`sample_time` is True"),
+        ("sample_time = 0.02", "sample_time = 0.02\nstart = 'x'", r"\[log\] start is 'x'; a time in s"),
+        ("speed = [4.0, 6.0]", "speed = [4.0, inf]", "increasing positive numbers"),
+        ("seed = 3", "seed = 'x'", "`sensors.seed` is 'x'; a whole number >= 0"),
+        ("evaluations = 7", "evaluations = inf", "`fit.evaluations` is inf; a whole number >= 1"),
+        ('speed = { column = "a"', 'speed = "a" #', r"\[log.channels.speed\] of `experiment.toml` is 'a'; a table"),
+        ('parameters = "carmaker_car"', 'parameters = "carmaker_car"\nmass = "heavy"', "`vehicle.mass` is 'heavy'"),
+        (
+            '[entrants.zero]\nkind = "zero"',
+            "[entrants]\nzero = 1",
+            r"\[entrants.zero\] of `experiment.toml` is 1; a table",
+        ),
     ],
 )
 def test_refusals(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -8,6 +8,9 @@ import numpy as np
 from luenberger.core.checks import finite_array, nearest
 from luenberger.core.errors import BadInput
 
+# Eight hundred megabytes a signal: beyond that a step is a mistake.
+_MOST_SAMPLES = 100_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -161,15 +164,19 @@ class Trajectory:
             dt: wanted step [s], positive.
 
         Raises:
-            BadInput: `dt` not positive, or longer than the trajectory.
+            BadInput: `dt` not positive, longer than the trajectory, or so short that no memory holds the samples.
         """
         if not (np.isfinite(dt) and dt > 0):
             raise BadInput(f"`dt` is {dt}; a positive step in seconds is needed.")
-        count = int(np.floor((self.time[-1] - self.time[0]) / dt + 1e-9)) + 1
-        if count < 2:
+        lasts = float(self.time[-1] - self.time[0])
+        if lasts > _MOST_SAMPLES * dt:
             raise BadInput(
-                f"`{self.name}` lasts {self.time[-1] - self.time[0]:g} s, less than one step dt = {dt:g} s; take a finer one."
+                f"`{self.name}` lasts {lasts:g} s, more than {_MOST_SAMPLES} steps of dt = {dt:g} s, which memory does not hold; "
+                "take a coarser one, or cut with `between`."
             )
+        count = int(np.floor(lasts / dt + 1e-9)) + 1
+        if count < 2:
+            raise BadInput(f"`{self.name}` lasts {lasts:g} s, less than one step dt = {dt:g} s; take a finer one.")
         grid = np.asarray(self.time[0] + dt * np.arange(count), dtype=np.float64)
         again = [Signal(s.name, s.unit, np.interp(grid, self.time, s.values), s.description) for s in self.signals]
         return Trajectory(grid, again, self.name, self.source)

@@ -11,6 +11,7 @@ import numpy as np
 from luenberger.core import BadInput
 from luenberger.core.checks import known_keys
 from luenberger.experiment.gust_drive import Choices, Drive, choices, windy_road
+from luenberger.experiment.specification import notes, table
 from luenberger.systems import Switched, System
 from luenberger.systems.discretize import discretize
 from luenberger.vehicle import VehicleParameters, car_named, wind_plant
@@ -203,13 +204,13 @@ def read_gust(path: str | Path) -> GustSpecification | None:
         return None
     known_keys(f"`{path.name}`", data, ("title", "notes", "gust"))
     kinds: Mapping[str, Any] = {f.name: f.type for f in fields(GustSpecification)}
-    given = data["gust"]
+    given = table(data["gust"], "[gust]", path)
     known_keys(f"[gust] of `{path.name}`", given, [n for n in kinds if n not in ("title", "notes")])
     if "study" not in given:
         raise BadInput(f'[gust] of `{path.name}` has no `study`; add one of "switched", "crossover", "double_track".')
     values: dict[str, Any] = {name: _value(name, value, kinds[name]) for name, value in given.items()}
     title: dict[str, Any] = {"title": str(data["title"])} if "title" in data else {}
-    return GustSpecification(**values, **title, notes=tuple(map(str, data.get("notes", []))))
+    return GustSpecification(**values, **title, notes=notes(data, path))
 
 
 def _value(name: str, value: Any, kind: Any) -> Any:

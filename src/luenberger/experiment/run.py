@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from luenberger.core import Signal, Trajectory
+from luenberger.core import BadInput, Signal, Trajectory
 from luenberger.experiment.drives import simulated_drive
 from luenberger.experiment.entrant import Entrant, Setting
 from luenberger.experiment.entrants import build, kind_of
@@ -40,6 +40,8 @@ def run_experiment(path: str | Path, out: str | Path = "results", progress: Prog
     car = _car(spec)
     log = _prepared(spec, car)
     fitted, scored = _split(spec, log)
+    if spec.skip >= (lasts := float(scored.time[-1] - scored.time[0])):
+        raise BadInput(f"`skip` is {spec.skip:g} s but only {lasts:g} s are scored; leave some of them.")
     knobs: dict[str, Tuned] = {}
     entrants: dict[str, Entrant] = {}
     setting = Setting(car, spec.speed, spec.acceleration, spec.sample_time, fitted)

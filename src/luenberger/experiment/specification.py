@@ -1,5 +1,6 @@
 """An experiment as a TOML file: read whole, checked whole, before anything is computed."""
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -93,29 +94,31 @@ def read_specification(path: str | Path) -> Specification:
         raise BadInput(f"`{path}` is not TOML: {cause}. Correct that line.") from None
     known_keys(f"`{path.name}`", data, _KEYS["the experiment"])
     for section in ("log", "vehicle", "domain", "sensors", "score", "fit"):
-        known_keys(f"[{section}] of `{path.name}`", data.get(section, {}), _KEYS[f"[{section}]"])
+        given = table(data.get(section, {}), f"[{section}]", path)
+        known_keys(f"[{section}] of `{path.name}`", given, _KEYS[f"[{section}]"])
     log, domain, fit = _part(data, "log", path), _part(data, "domain", path), data.get("fit")
     drive, channels = str(log.get("drive", "")), _channels(log, path)
-    sensors = dict(data.get("sensors", {}))
+    sensors, vehicle = dict(data.get("sensors", {})), _part(data, "vehicle", path)
+    entrants = table(_part(data, "entrants", path), "[entrants]", path)
     return Specification(
         title=str(data.get("title", path.stem)),
-        notes=tuple(map(str, data.get("notes", []))),
+        notes=notes(data, path),
         path=None if drive else _log_path(str(_part(log, "path", path, "[log]")), path),
         drive=drive,
         attribution=str(log.get("attribution", "")),
-        time={} if drive else _part(log, "time", path, "[log]"),
+        time={} if drive else table(_part(log, "time", path, "[log]"), "[log] time", path),
         channels=channels,
         sample_time=_positive(log.get("sample_time", 0.01), "sample_time", "s"),
-        cut=(log.get("start"), log.get("stop")),
-        vehicle=_part(data, "vehicle", path),
+        cut=(_instant(log, "start"), _instant(log, "stop")),
+        vehicle={k: v if k == "parameters" else _positive(v, f"vehicle.{k}", "SI") for k, v in vehicle.items()},
         speed=_interval(_part(domain, "speed", path, "[domain]"), "speed", "m/s", positive=True),
         acceleration=_interval(_part(domain, "acceleration", path, "[domain]"), "acceleration", "m/s^2"),
         noise={k: _positive(v, f"sensors.{k}", "SI", zero=True) for k, v in sensors.items() if k != "seed"},
-        seed=int(sensors.get("seed", 0)),
+        seed=_whole(sensors.get("seed", 0), "sensors.seed", 0),
         skip=_positive(data.get("score", {}).get("skip", 0.0), "skip", "s", zero=True),
         fit_share=None if fit is None else _share(fit.get("share", 0.5)),
-        evaluations=0 if fit is None else int(_positive(fit.get("evaluations", 100), "evaluations", "runs")),
-        entrants=_part(data, "entrants", path),
+        evaluations=0 if fit is None else _whole(fit.get("evaluations", 100), "fit.evaluations", 1),
+        entrants={name: table(options, f"[entrants.{name}]", path) for name, options in entrants.items()},
     )
 
 
@@ -125,10 +128,42 @@ def _channels(log: Mapping[str, Any], path: Path) -> Mapping[str, Mapping[str, A
         if spare := [k for k in ("path", "time", "channels") if k in log]:
             raise BadInput(f"[log] of `{path.name}` names a simulated drive and {spare}; leave out one or the other.")
         return {}
-    channels = _part(log, "channels", path, "[log]")
+    channels = table(_part(log, "channels", path, "[log]"), "[log.channels]", path)
     if missing := [c for c in CHANNELS if c not in channels]:
         raise BadInput(f"[log.channels] of `{path.name}` lacks {missing}; the experiment needs {', '.join(CHANNELS)}.")
-    return channels
+    return {name: table(channel, f"[log.channels.{name}]", path) for name, channel in channels.items()}
+
+
+def table(value: Any, name: str, path: Path) -> Mapping[str, Any]:
+    """Return a table of an experiment file.
+
+    Args:
+        value: what stands there.
+        name: of the table.
+        path: the file.
+
+    Raises:
+        BadInput: no table.
+    """
+    if not isinstance(value, Mapping):
+        raise BadInput(f"{name} of `{path.name}` is {value!r}; a table of keys and values is needed.")
+    return value
+
+
+def notes(data: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+    """Return the notes of an experiment file, none where it has none.
+
+    Args:
+        data: the whole file.
+        path: the file.
+
+    Raises:
+        BadInput: no list of texts.
+    """
+    found = data.get("notes", [])
+    if not isinstance(found, list) or not all(isinstance(note, str) for note in found):
+        raise BadInput(f"`notes` of `{path.name}` is {found!r}; a list of texts is needed.")
+    return tuple(found)
 
 
 def _part(data: Mapping[str, Any], key: str, path: Path, where: str = "The file") -> Any:
@@ -149,12 +184,7 @@ def _log_path(text: str, spec: Path) -> Path:
 
 
 def _interval(value: Any, name: str, unit: str, positive: bool = False) -> tuple[float, float]:
-    good = (
-        isinstance(value, list)
-        and len(value) == 2
-        and all(isinstance(v, int | float) for v in value)
-        and value[0] < value[1]
-    )
+    good = isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)) and value[0] < value[1]
     if not good or (positive and value[0] <= 0):
         needed = f"two increasing {'positive ' if positive else ''}numbers [lower, upper] in {unit}"
         raise BadInput(f"[domain] {name} is {value!r}; {needed} are needed.")
@@ -162,12 +192,29 @@ def _interval(value: Any, name: str, unit: str, positive: bool = False) -> tuple
 
 
 def _positive(value: Any, name: str, unit: str, zero: bool = False) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not (value > 0 or (zero and value == 0)):
+    if not _is_number(value) or not (value > 0 or (zero and value == 0)):
         raise BadInput(f"`{name}` is {value!r}; a {'number >= 0' if zero else 'positive number'} in {unit} is needed.")
     return float(value)
 
 
 def _share(value: Any) -> float:
-    if not isinstance(value, int | float) or not 0 < value < 1:
+    if not _is_number(value) or not 0 < value < 1:
         raise BadInput(f"[fit] share is {value!r}; a share of the log between 0 and 1 is needed, the rest is scored.")
     return float(value)
+
+
+def _whole(value: Any, name: str, least: int) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise BadInput(f"`{name}` is {value!r}; a whole number >= {least} is needed.")
+    return value
+
+
+def _instant(log: Mapping[str, Any], name: str) -> float | None:
+    value = log.get(name)
+    if value is not None and not _is_number(value):
+        raise BadInput(f"[log] {name} is {value!r}; a time in s is needed.")
+    return value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
