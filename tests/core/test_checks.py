@@ -1,10 +1,12 @@
 """A refused argument says what was given, what is needed, and where."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array, known_keys, matrix, nearest, symmetric_matrix
+from luenberger.core.checks import finite_array, is_number, is_whole, known_keys, matrix, nearest, symmetric_matrix
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -43,6 +45,22 @@ def test_a_number_is_a_one_by_one_matrix() -> None:
     assert matrix("C", 3.0, 1, 1).tolist() == [[3.0]]
     with pytest.raises(BadInput, match="needs shape"):
         matrix("C", 3.0, rows=2)
+
+
+@pytest.mark.parametrize("number", [0, -3, 2.5, np.float64(1.0), sys.float_info.max])
+def test_what_a_double_holds_is_a_number(number: float) -> None:
+    assert is_number(number)
+    assert is_whole(number) == isinstance(number, int)
+
+
+@pytest.mark.parametrize("other", [True, "1", None, [1.0], np.nan, np.inf, -np.inf, 10**400])
+def test_what_no_double_holds_is_none(other: object) -> None:
+    assert not is_number(other)
+
+
+def test_a_truth_value_counts_nothing() -> None:
+    assert is_whole(10**400)
+    assert not is_whole(True)
 
 
 def test_symmetric_means_to_the_last_digit() -> None:

@@ -34,6 +34,14 @@ def test_lists_and_numbers_are_told_apart(tmp_path: Path) -> None:
         read_gust(written(tmp_path, '[gust]\nstudy = "switched"\nforce = true\n'))
 
 
+@pytest.mark.parametrize(
+    "line", ["arm = nan", "steering = inf", f"force = {10**400}", "bounds = [50.0, inf]", "state_bound = [true, 1.0]"]
+)
+def test_numbers_are_those_that_a_double_holds(tmp_path: Path, line: str) -> None:
+    with pytest.raises(BadInput, match=rf"\[gust\] {line.split()[0]} is .* is needed"):
+        read_gust(written(tmp_path, f'[gust]\nstudy = "switched"\n{line}\n'))
+
+
 def test_nothing_stands_beside_the_gust(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="entrants"):
         read_gust(written(tmp_path, '[gust]\nstudy = "switched"\n[entrants.zero]\nkind = "zero"\n'))

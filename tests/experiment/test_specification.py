@@ -74,6 +74,7 @@ def test_everything_is_read(tmp_path: Path) -> None:
         ('title = "T"', "notes = [1]", r"is \[1\]; a list of texts"),
         ("sample_time = 0.02", "sample_time = inf", "`sample_time` is inf"),
         ("sample_time = 0.02", "sample_time = true", "`sample_time` is True"),
+        ("sample_time = 0.02", f"sample_time = {10**400}", "`sample_time` is 1000"),
         ("sample_time = 0.02", "sample_time = 0.02\nstart = 'x'", r"\[log\] start is 'x'; a time in s"),
         ("speed = [4.0, 6.0]", "speed = [4.0, inf]", "increasing positive numbers"),
         ("seed = 3", "seed = 'x'", "`sensors.seed` is 'x'; a whole number >= 0"),

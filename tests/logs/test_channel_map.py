@@ -43,6 +43,8 @@ def test_a_channel_object_passes_through() -> None:
         ({"column": "v", "unit": "m/s", "offset": float("nan")}, "offset nan; finite numbers"),
         ({"column": "v", "unit": "m/s", "sign": 2}, "it needs to be 1 or -1"),
         ({"column": "v", "unit": "m/s", "sign": -0.5}, "it needs to be 1 or -1"),
+        ({"column": "v", "unit": "m/s", "sign": float("nan")}, "it needs to be 1 or -1"),
+        ({"column": "v", "unit": "m/s", "scale": 10**400}, "too large"),
         ("v", "is 'v'; a table such as"),
     ],
 )

@@ -1,6 +1,7 @@
 """Argument checks that speak the house's error language: given, needed, what to do."""
 
 import difflib
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, get_args
 
@@ -86,6 +87,25 @@ def known_keys(where: str, given: Iterable[str], known: Sequence[str]) -> None:
     for key in given:
         if key not in known:
             raise BadInput(f"{where} has the unknown key `{key}`.{nearest(key, known)}")
+
+
+def is_number(value: object) -> bool:
+    """Tell whether `value` is a number that a double holds; infinities, NaN and truth values are not.
+
+    Args:
+        value: what users or files give.
+    """
+    # By comparison, since `isfinite` of an integer of hundreds of digits raises, and a file may hold one.
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(abs(value) <= sys.float_info.max)
+
+
+def is_whole(value: object) -> bool:
+    """Tell whether `value` is an integer; truth values are not.
+
+    Args:
+        value: what users or files give.
+    """
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def symmetric_matrix(name: str, value: object) -> np.ndarray:

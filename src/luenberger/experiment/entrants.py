@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from luenberger.core import BadInput, Trajectory
-from luenberger.core.checks import known_keys, nearest
+from luenberger.core.checks import is_number, known_keys, nearest
 from luenberger.experiment.entrant import Entrant, Kind, Setting
 from luenberger.experiment.entrants_slip import (
     least_disturbance,
@@ -63,7 +63,7 @@ def build(setting: Setting, options: Mapping[str, Any], knobs: Mapping[str, floa
     given = {k: v for k, v in options.items() if k != "kind"}
     known_keys(f"An entrant of kind `{options['kind']}`", given, [*kind.options])
     for name, value in given.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        if not is_number(value) or value <= 0:
             raise BadInput(f"Option `{name}` of kind `{options['kind']}` is {value!r}; a positive number is needed.")
     tuned = dict(knobs or {})
     stiffness = {k: tuned.pop(k) for k in ("front_stiffness", "rear_stiffness") if k in tuned}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from luenberger.core import BadInput
-from luenberger.core.checks import known_keys
+from luenberger.core.checks import is_number, is_whole, known_keys
 from luenberger.experiment.gust_drive import Choices, Drive, choices, windy_road
 from luenberger.experiment.specification import notes, table
 from luenberger.systems import Switched, System
@@ -214,14 +214,13 @@ def read_gust(path: str | Path) -> GustSpecification | None:
 
 
 def _value(name: str, value: Any, kind: Any) -> Any:
-    number = int | float
     if kind is str and isinstance(value, str):
         return value
-    if kind is int and isinstance(value, int) and not isinstance(value, bool):
+    if kind is int and is_whole(value):
         return value
-    if kind is float and isinstance(value, number) and not isinstance(value, bool):
+    if kind is float and is_number(value):
         return float(value)
-    if kind == tuple[float, ...] and isinstance(value, list) and all(isinstance(v, number) for v in value):
+    if kind == tuple[float, ...] and isinstance(value, list) and all(map(is_number, value)):
         return tuple(map(float, value))
     needed = {str: "a text", int: "a whole number", float: "a number"}.get(kind, "a list of numbers")
     raise BadInput(f"[gust] {name} is {value!r}; {needed} is needed.")

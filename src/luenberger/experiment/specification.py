@@ -1,6 +1,5 @@
 """An experiment as a TOML file: read whole, checked whole, before anything is computed."""
 
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from luenberger.core import BadInput
-from luenberger.core.checks import known_keys, nearest
+from luenberger.core.checks import is_number, is_whole, known_keys, nearest
 
 DATA = Path(__file__).parent / "data"
 CHANNELS = ("speed", "lateral_speed", "yaw_rate", "steering", "lateral_acceleration")
@@ -184,7 +183,7 @@ def _log_path(text: str, spec: Path) -> Path:
 
 
 def _interval(value: Any, name: str, unit: str, positive: bool = False) -> tuple[float, float]:
-    good = isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)) and value[0] < value[1]
+    good = isinstance(value, list) and len(value) == 2 and all(map(is_number, value)) and value[0] < value[1]
     if not good or (positive and value[0] <= 0):
         needed = f"two increasing {'positive ' if positive else ''}numbers [lower, upper] in {unit}"
         raise BadInput(f"[domain] {name} is {value!r}; {needed} are needed.")
@@ -192,29 +191,25 @@ def _interval(value: Any, name: str, unit: str, positive: bool = False) -> tuple
 
 
 def _positive(value: Any, name: str, unit: str, zero: bool = False) -> float:
-    if not _is_number(value) or not (value > 0 or (zero and value == 0)):
+    if not is_number(value) or not (value > 0 or (zero and value == 0)):
         raise BadInput(f"`{name}` is {value!r}; a {'number >= 0' if zero else 'positive number'} in {unit} is needed.")
     return float(value)
 
 
 def _share(value: Any) -> float:
-    if not _is_number(value) or not 0 < value < 1:
+    if not is_number(value) or not 0 < value < 1:
         raise BadInput(f"[fit] share is {value!r}; a share of the log between 0 and 1 is needed, the rest is scored.")
     return float(value)
 
 
 def _whole(value: Any, name: str, least: int) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+    if not is_whole(value) or value < least:
         raise BadInput(f"`{name}` is {value!r}; a whole number >= {least} is needed.")
     return value
 
 
 def _instant(log: Mapping[str, Any], name: str) -> float | None:
     value = log.get(name)
-    if value is not None and not _is_number(value):
+    if value is not None and not is_number(value):
         raise BadInput(f"[log] {name} is {value!r}; a time in s is needed.")
     return value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -116,10 +116,10 @@ def channel(name: str, given: Any) -> Channel:
             given["unit"],
             float(given.get("scale", 1.0)),
             float(given.get("offset", 0.0)),
-            int(sign) if sign == int(sign) else 0,
+            int(sign) if float(sign).is_integer() else 0,
             given.get("description", ""),
         )
-    except BadInput as cause:
+    except (BadInput, OverflowError) as cause:
         raise BadInput(f"{where}: {cause}") from None
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from luenberger.core import BadInput
-from luenberger.core.checks import finite_array
+from luenberger.core.checks import finite_array, is_whole
 
 
 def run_key(seed: int, k: int) -> Any:
@@ -50,7 +50,7 @@ def monte_carlo(
     """
     side = number if chunk is None else chunk
     for word, value in (("number", number), ("chunk", side)):
-        if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
+        if not is_whole(value) or value <= 0:
             raise BadInput(f"`{word}` is {value!r}; a positive whole number of runs is needed.")
     side = min(side, number)
     base = jax.random.key(seed)

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from typing import NamedTuple
 
 from luenberger.core import BadInput
-from luenberger.core.checks import known_keys
+from luenberger.core.checks import is_number, known_keys
 
 GRAVITY = 9.80665
 # Sums of products of two-digit data: a Cf and b Cr of a car meant to be neutral agree to rounding, not exactly.
@@ -93,7 +92,7 @@ class VehicleParameters:
             value = getattr(self, name)
             if value is None:
                 continue
-            if not (isinstance(value, float | int) and not isinstance(value, bool) and isfinite(value) and value > 0):
+            if not is_number(value) or value <= 0:
                 raise BadInput(
                     f"`{name}` of `{self.name}` is {value!r} {_UNITS[name][0]}; a positive finite number"
                     f"{' in ' * bool(_UNITS[name][0])}{_UNITS[name][0]} is needed."
