@@ -1,5 +1,6 @@
 """Finitely many matrix inequalities that stand for one inequality on a whole box."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -28,9 +29,10 @@ class Relaxation(Protocol):
         ...
 
 
-class ConstantMatrices:
+class ConstantMatrices(ABC):
     """A relaxation by matrices that are combinations of the coefficients, without unknowns of its own."""
 
+    @abstractmethod
     def matrices(self, matrix: Polynomial, box: Box) -> list[Any]:
         """Return the matrices that must be negative definite; the coefficients may be of any arithmetic.
 
@@ -38,7 +40,7 @@ class ConstantMatrices:
             matrix: symmetric polynomial.
             box: parameter name -> interval.
         """
-        raise NotImplementedError
+        ...
 
     def relaxed(self, matrix: Polynomial, box: Box) -> list[Relaxed]:
         """Return one condition for each matrix; see `Relaxation`.
