@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from c_programs import needs_compiler
 from export_plants import running, scheduled
 from luenberger.core import BadInput
 from luenberger.export import Guarded, Signals, build, c_code, golden, write_c
@@ -82,7 +83,7 @@ def test_no_allocation_no_globals_and_gains_as_tables() -> None:
     assert "spring_gain_1[0]" not in source.split("_step(")[1]
 
 
-@pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+@needs_compiler
 def test_two_observers_share_a_program_and_every_symbol_has_its_prefix(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / f"{name}.h").write_text(code(name).header)
@@ -102,7 +103,7 @@ def test_two_observers_share_a_program_and_every_symbol_has_its_prefix(tmp_path:
     assert subprocess.run(["./main"], cwd=tmp_path, check=False).returncode == 0
 
 
-@pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+@needs_compiler
 def test_a_wrong_number_in_the_code_is_caught_by_its_vectors(tmp_path: Path) -> None:
     guarded = Guarded.of(running(), scheduled())
     write_c(code(), golden(guarded, *random_drive(guarded, 50)), tmp_path, tolerance=1e-12)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from c_programs import needs_compiler
 from luenberger.export import export_c
-from luenberger.export.build import compiler
 from luenberger.export.c_text import in_comment
 from luenberger.methods import KalmanGain
 from luenberger.synthesize import synthesize
@@ -21,7 +21,7 @@ def test_a_comment_goes_on_to_its_own_end(text: str, held: str) -> None:
     assert in_comment(text) == held
 
 
-@pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+@needs_compiler
 @pytest.mark.parametrize("unit", ["m*/s", "m/*s", "m\ns"])
 def test_any_unit_compiles(unit: str, tmp_path: Path) -> None:
     plant = System.linear([[0.9]], [[1.0]], [[1.0]], dt=0.1, units={"x1": unit, "u1": unit, "y1": unit}, name="a */ b")

@@ -1,21 +1,18 @@
 """Gain tables in C: what they compute, whatever users call their signals."""
 
-import subprocess
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from c_programs import needs_compiler, printed
 from luenberger.algebra import Polynomial
 from luenberger.core import BadInput
 from luenberger.export import Axis, GainTable, look_up_table, table_header
-from luenberger.export.build import FLAGS, compiler
 from luenberger.methods import PolytopicLuenberger
 from luenberger.synthesize import synthesize
 from luenberger.systems import Parameter, System
-
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
 
 
 @cache
@@ -32,15 +29,11 @@ def table(signal: str, unit: str = "", name: str = "plant") -> GainTable:
 def computed(read: GainTable, folder: Path, at: float) -> np.ndarray:
     """What the header makes of one signal, under all warnings that a target may have on."""
     (folder / "obs.h").write_text(table_header(read, "obs"), encoding="utf-8")
-    (folder / "main.c").write_text(
+    source = (
         '#include "obs.h"\n#include <stdio.h>\nint main(void)\n{\n    double gain[2];\n'
         f'    obs_gain({at!r}, gain);\n    printf("%.17g %.17g\\n", gain[0], gain[1]);\n    return 0;\n}}\n'
     )
-    words = [str(compiler()), *FLAGS, "-Wshadow", "main.c", "-o", "main"]
-    made = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-    assert made.returncode == 0, made.stderr
-    shown = subprocess.run(["./main"], cwd=folder, capture_output=True, text=True, check=True).stdout
-    return np.array(shown.split(), dtype=float)
+    return printed(folder, source, flags=("-Wshadow",))
 
 
 @needs_compiler

@@ -1,15 +1,14 @@
 """Every operation of the arithmetic, written as C, computes what NumPy computes."""
 
-import subprocess
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from c_programs import needs_compiler, printed
 from luenberger.algebra.arithmetic import FLOAT
 from luenberger.algebra.jaxpr import trace
-from luenberger.export.build import compiler
 from luenberger.export.c_text import CText
 
 POINTS = np.array([[0.3, -0.7], [2.5, 1.5], [-1.2, 0.4], [0.0, -0.0], [np.nan, 1.0], [np.inf, -2.0]])
@@ -25,25 +24,20 @@ FUNCTIONS = {
 }
 
 
-@pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+@needs_compiler
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_an_expression_computes_the_same(name: str, tmp_path: Path) -> None:
     read = trace(FUNCTIONS[name], np.zeros(()), np.zeros(()))
     text = CText("double")
     values = read.run(["a", "b"], text)
     body = "\n    ".join(text.lines)
-    (tmp_path / "f.c").write_text(
+    source = (
         "#include <math.h>\n#include <stdio.h>\n#include <stdlib.h>\nint main(int n, char **v)\n{\n    int k;\n"
         "    for (k = 1; k + 1 < n; k += 2) {\n    const double a = strtod(v[k], NULL), b = strtod(v[k + 1], NULL);\n    "
         + body
         + f'\n    printf("%.17g\\n", {values[int(read.outputs[0])]});\n    }}\n    return 0;\n}}\n'
     )
-    words = [str(compiler()), "-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "f.c", "-o", "f", "-lm"]
-    subprocess.run(words, cwd=tmp_path, check=True)
-    shown = subprocess.run(
-        ["./f", *(repr(float(x)) for x in POINTS.ravel())], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    found = np.array([float(line) for line in shown.stdout.split()])
+    found = printed(tmp_path, source, *(repr(float(x)) for x in POINTS.ravel()))
     with np.errstate(all="ignore"):
         expected = np.broadcast_to(read.run([POINTS[:, 0], POINTS[:, 1]], FLOAT)[int(read.outputs[0])], len(POINTS))
     # Two mathematical libraries may differ in the last digit of a few calls.

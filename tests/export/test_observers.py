@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from c_programs import needs_compiler
 from export_plants import scheduled, vectors
 from luenberger.algebra import Polynomial
 from luenberger.export import Golden, Guarded, Signals, build, c_code, golden, write_c
-from luenberger.export.build import compiler
 from luenberger.export.golden import random_drive
 from luenberger.observers import (
     AlgebraicEstimate,
@@ -24,7 +24,7 @@ from luenberger.observers import (
 from luenberger.sets import combastel
 from luenberger.systems import Nonlinearity, Parameter, Switched, System
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+pytestmark = needs_compiler
 TUNING = {"measurement_covariance": np.eye(1), "initial_covariance": np.eye(2), "process_density": 0.1 * np.eye(2)}
 
 

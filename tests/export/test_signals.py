@@ -4,6 +4,7 @@ import pytest
 
 from luenberger.core import BadInput
 from luenberger.export import Signals
+from luenberger.export.signals import distinct
 from luenberger.systems import Parameter, Switched, System
 
 
@@ -35,3 +36,7 @@ def test_the_signal_that_selects_the_mode_is_read_too() -> None:
     found = Signals.of(Switched.of(modes, "speed", (0.0, 10.0, 20.0), unit="m/s"))
     assert found.scheduling == ("speed",)
     assert found.units["speed"] == "m/s"
+
+
+def test_who_comes_first_keeps_the_name() -> None:
+    assert distinct(["k", "L", "k", "k", "k_2"]) == ["k", "L", "k_2", "k_3", "k_2_2"]

@@ -2,7 +2,6 @@
 
 import csv
 import itertools
-import subprocess
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from c_programs import needs_compiler, printed
 from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.design import Design
 from luenberger.export import Axis, GainTable, look_up_table, table_header
-from luenberger.export.build import compiler
+from luenberger.export.build import SANITIZE
 from luenberger.methods import PolytopicLuenberger
 from luenberger.synthesize import synthesize
 from luenberger.vehicle import carmaker_car, slip_angle_plant
@@ -112,23 +112,20 @@ def test_csv_reads_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.array(rows[1:], float)[:, 2:], table().values.reshape(-1, 2))
 
 
-@pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+@needs_compiler
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_the_header_interpolates_as_python_does(precision: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     points = np.column_stack([rng.uniform(2.0, 50.0, 200), rng.uniform(-10.0, 6.0, 200)]).astype(np.float32)
     (tmp_path / "gain.h").write_text(table_header(table(precision), "gain"))
     rows = ",".join(f"{{{float(a)!r},{float(b)!r}}}" for a, b in points)
-    (tmp_path / "main.c").write_text(
+    source = (
         f'#include "gain.h"\n#include <stdio.h>\nint main(void)\n{{\n    static const double points[200][2] = {{{rows}}};\n'
         f"    {precision} L[2];\n    int k;\n    for (k = 0; k < 200; ++k) {{\n"
         f"        gain_gain(({precision})points[k][0], ({precision})points[k][1], L);\n"
         '        printf("%.17g %.17g\\n", (double)L[0], (double)L[1]);\n    }\n    return 0;\n}\n'
     )
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-fsanitize=address,undefined"]
-    subprocess.run([str(compiler()), *flags, "main.c", "-o", "main"], cwd=tmp_path, check=True)
-    shown = subprocess.run(["./main"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-    found = np.array([line.split() for line in shown.splitlines()], float)
+    found = printed(tmp_path, source, flags=SANITIZE).reshape(-1, 2)
     wanted = [table(precision)(speed=float(a), acceleration=float(b)).ravel() for a, b in points]
     # Three interpolations of numbers below one half.
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-15 if precision == "double" else 5e-7)

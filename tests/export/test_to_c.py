@@ -6,19 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from c_programs import needs_compiler
 from catalogue import ROWS
 from export_plants import running, scheduled
 from luenberger.cli import main
 from luenberger.core import BadInput, NotAccepted, Outcome
 from luenberger.design import Design, SwitchedDesign
 from luenberger.export import export_c, sampled_step
-from luenberger.export.build import compiler
 from luenberger.export.sampled import quantised
 from luenberger.methods import PolytopicLuenberger, SteadyWidth, UnknownInputGain
 from luenberger.synthesize import synthesize
 from luenberger.systems import System
-
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
 
 
 @pytest.fixture(scope="module")

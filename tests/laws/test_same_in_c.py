@@ -3,19 +3,18 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
+from c_programs import needs_compiler
 from catalogue import Row
 from export_plants import vectors
 from luenberger.design import Design, SwitchedDesign
 from luenberger.export import Guarded, build, c_code, golden, write_c
-from luenberger.export.build import compiler
 from luenberger.export.golden import random_drive
 from luenberger.export.rounding import run_bound
 from luenberger.systems import Switched
 
 DT = 0.005
-pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
+pytestmark = needs_compiler
 
 
 def guarded(row: Row, design: Design | SwitchedDesign) -> Guarded:

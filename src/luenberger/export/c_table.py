@@ -6,7 +6,7 @@ import numpy as np
 
 from luenberger.core import BadInput
 from luenberger.export.c_text import CText, in_comment
-from luenberger.export.signals import NAME, Signals
+from luenberger.export.signals import NAME, Signals, distinct
 from luenberger.export.tables import GainTable
 
 
@@ -70,9 +70,8 @@ def _function(table: GainTable, name: str, sizes: Sequence[int], entries: int) -
     count = len(sizes)
     # Two axes may be read by one signal, speed and its inverse for example.
     signals = list(dict.fromkeys(axis.name for axis in table.axes))
-    L, cell, share, corner, weight, point, k = _distinct(
-        ("L", "cell", "share", "corner", "weight", "point", "k"), signals
-    )
+    own = ("L", "cell", "share", "corner", "weight", "point", "k")
+    L, cell, share, corner, weight, point, k = distinct([*signals, *own])[len(signals) :]
     arguments = ", ".join(f"{real} {signal}" for signal in signals)
     lines = [
         f"/* Fill {L}[{entries}] at the given signals; what lies outside the grid is held at its edge. */",
@@ -106,16 +105,6 @@ def _function(table: GainTable, name: str, sizes: Sequence[int], entries: int) -
         "}",
     ]
     return lines
-
-
-def _distinct(words: Sequence[str], taken: Sequence[str]) -> list[str]:
-    """The words, with `_` behind those that a signal is called."""
-    found: list[str] = []
-    for word in words:
-        while word in taken:
-            word += "_"
-        found.append(word)
-    return found
 
 
 def _row(real: str, values: Sequence[float] | np.ndarray) -> str:

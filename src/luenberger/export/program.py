@@ -10,6 +10,7 @@ import numpy as np
 
 from luenberger.algebra.jaxpr import Trace, trace
 from luenberger.export.guard import Guarded
+from luenberger.export.signals import distinct
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def program(guarded: Guarded) -> Program:
     return Program(
         trace(step, arrays, [np.zeros(leaf.shape) for leaf in jax.tree.leaves(start)], *signals),
         trace(init, arrays, x0),
-        tuple(Table(n, tuple(a.ravel().tolist())) for n, a in zip(_distinct(paths), arrays, strict=True)),
+        tuple(Table(n, tuple(a.ravel().tolist())) for n, a in zip(distinct(paths), arrays, strict=True)),
         _leaves(start),
         _leaves(estimate),
         guarded.flags,
@@ -109,7 +110,7 @@ def program(guarded: Guarded) -> Program:
 
 def _leaves(tree: Any) -> tuple[Leaf, ...]:
     found = jax.tree_util.tree_flatten_with_path(tree)[0]
-    names = _distinct([_identifier(path) for path, _ in found])
+    names = distinct([_identifier(path) for path, _ in found])
     return tuple(Leaf(name, tuple(np.shape(leaf))) for name, (_, leaf) in zip(names, found, strict=True))
 
 
@@ -121,13 +122,3 @@ def _identifier(path: Any) -> str:
         word = getattr(key, "idx", None) if word is None else word
         words.append("".join(c if c.isalnum() else "_" for c in str(word)).strip("_") or "entry")
     return "_".join(words) or "value"
-
-
-def _distinct(names: list[str]) -> list[str]:
-    found: list[str] = []
-    for name in names:
-        count, other = 2, name
-        while other in found:
-            other, count = f"{name}_{count}", count + 1
-        found.append(other)
-    return found

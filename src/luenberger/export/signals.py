@@ -1,7 +1,7 @@
 """Names and units of what goes into exported code and comes out of it."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from luenberger.core import BadInput
@@ -87,3 +87,18 @@ class Signals:
         if isinstance(system, Switched) and system.signal:
             units.setdefault(system.signal, system.unit)
         return Signals(plant.states, plant.inputs, plant.outputs, system.scheduling_names, units)
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """Return the names with a number behind each that stands before it already.
+
+    Args:
+        names: C identifiers.
+    """
+    found: list[str] = []
+    for name in names:
+        count, other = 2, name
+        while other in found:
+            other, count = f"{name}_{count}", count + 1
+        found.append(other)
+    return found
